@@ -1,0 +1,40 @@
+// One interface over the two ways to draw an asset, so that `eval` and `render` do not care which.
+// Cameras and lights are in the asset's own axes (those of the dataset it was baked from).
+#pragma once
+
+#include "base/camera.h"
+#include "base/image.h"
+#include "base/light.h"
+#include "base/result.h"
+#include "splats/splat_asset.h"
+
+#include <memory>
+#include <span>
+#include <string>
+
+namespace nacre {
+
+struct RenderTimes { double relightMs = 0, sortMs = 0, rasterMs = 0, frameMs = 0; };
+
+class SplatRenderer {
+public:
+    virtual ~SplatRenderer() = default;
+    /// Linear radiance premultiplied by coverage over black. Point and directional lights (see expandEnvironment).
+    virtual Result<Image> render(const Camera& camera, std::span<const Light> lights) = 0;
+    /// Draws the same frame again and times it: median of `frames` after `warmup`, with everything re-evaluated.
+    virtual Result<RenderTimes> time(const Camera& camera, std::span<const Light> lights, int warmup, int frames) = 0;
+    /// e.g. "llvmpipe (LLVM 15.0.6, 256 bits), GL 4.5"
+    virtual std::string description() const = 0;
+};
+
+/// Through the public runtime API on a headless EGL context. `assetBytes` is the .glb. Error kGpu if there is no context.
+Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes);
+
+/// Scalar math of formats/appearance and baker/render on the CPU.
+Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& asset);
+
+/// Replaces an environment light by `count` directional lights of equal solid angle (spherical Fibonacci), each with the map's mean
+/// radiance over its cell times the solid angle. Other lights pass through. Axes: shared/data convention, see formats/dataset.
+Result<std::vector<Light>> expandEnvironment(const Light& light, int count);
+
+} // namespace nacre

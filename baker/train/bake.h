@@ -1,0 +1,55 @@
+// `nacre bake` as a library: OLAT dataset in, asset out.
+#pragma once
+
+#include "base/result.h"
+#include "dataset/olat_dataset.h"
+#include "splats/splat_asset.h"
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace nacre {
+
+struct BakeOptions {
+    std::string model = "bigs";
+    std::string quality = "standard";  // draft | standard | high: default iterations, splats and channel sizes
+    double minutes = 0;                // > 0: wall time of the whole bake; learning rates anneal over it
+    int iterations = 0;                // > 0: instead of minutes; exactly reproducible
+    int threads = 0;                   // 0: all cores
+    uint64_t seed = 1;
+    int maxSplats = 0;                 // hard cap; 0: from quality
+    int sFunctions = -1;               // 0, 1, 4, 9, 16, 25; -1: from quality
+    double dssim = -1;                 // lambda of the loss (1-l)*L1 + l*(1-SSIM); -1: default
+    size_t imageBudgetBytes = size_t(1) << 30;
+    std::string checkpointPath;        // empty: none
+    bool resume = false;
+    bool trackHeldOut = false;         // evaluate the test split now and then for the history
+};
+
+struct BakeProgress {
+    std::string stage;                 // "loading", "hull", "training", "writing"
+    int iteration = 0, iterations = 0; // iterations = 0 while it is not known yet
+    double seconds = 0, secondsLeft = -1; // -1: unknown
+    int splats = 0;
+    double psnrTrain = 0;              // running mean, masked
+};
+
+struct HistoryPoint { double seconds; int iteration; int splats; double psnrTest, psnrMaskedTest; };
+
+struct BakeResult {
+    SplatAsset asset;
+    int iterations = 0;
+    double seconds = 0;
+    double psnrTrain = 0;              // whole image, mean over the last pass
+    std::vector<HistoryPoint> history; // held-out error against seconds
+    std::vector<std::string> warnings;
+};
+
+/// `progress` is called at least every second from the calling thread. Setting `*cancel` writes a checkpoint and returns kCancelled.
+Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,
+                        const std::function<void(const BakeProgress&)>& progress, const std::atomic<bool>* cancel);
+
+} // namespace nacre

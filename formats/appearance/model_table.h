@@ -1,0 +1,33 @@
+// The appearance models Nacre knows, and the channels each stores per splat. A new model is one folder and one line here.
+#pragma once
+
+#include "base/result.h"
+#include "splats/splat_asset.h"
+
+#include <span>
+#include <string>
+#include <vector>
+
+namespace nacre {
+
+/// One channel of a model. `components` lists the accepted sizes (ascending), so a scene can leave out what it does not need.
+struct ChannelSpec {
+    const char* name;
+    std::vector<uint32_t> components;
+};
+
+struct AppearanceModel {
+    const char* name;         // as in --model and in the asset
+    const char* summary;      // one line for --help and `nacre info --models`
+    std::vector<ChannelSpec> channels;
+};
+
+std::span<const AppearanceModel> appearanceModels();
+
+/// nullptr when there is no such model.
+const AppearanceModel* findAppearanceModel(const std::string& name);
+
+/// Checks counts, channel names and sizes, finite values, unit quaternions, positive scales, opacities in [0, 1].
+Status validate(const SplatAsset& asset);
+
+} // namespace nacre

@@ -1,0 +1,34 @@
+// The relightable asset as a .glb (SPEC.md): KHR_gaussian_splatting attributes for a neutral look, and the relighting
+// channels in the vendor extension NACRE_gaussian_splatting_relight nested in it.
+#pragma once
+
+#include "base/result.h"
+#include "splats/splat_asset.h"
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace nacre {
+
+/// Serialises as the `lossless` profile: float32 throughout, deterministic bytes.
+Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset);
+
+/// Safe on untrusted input: sizes are checked before allocation, every value is validated. Errors name the part at fault.
+Result<SplatAsset> decodeAsset(std::span<const std::byte> bytes);
+
+Result<SplatAsset> readAsset(const std::string& path);
+
+/// Appears atomically: written under a temporary name, flushed, then renamed. Nothing is left behind on failure.
+Status writeAsset(const SplatAsset& asset, const std::string& path);
+
+/// What `nacre info ASSET` prints.
+struct AssetSummary {
+    struct ChannelBytes { std::string name; size_t bytes; };
+    std::string profile;
+    std::vector<ChannelBytes> channels; // geometry, neutral look and every model channel
+};
+Result<AssetSummary> summarizeAsset(std::span<const std::byte> bytes);
+
+} // namespace nacre

@@ -1,0 +1,16 @@
+// A pinhole camera. Right-handed, x right, y up, looks down -Z (OpenGL / Blender axes).
+#pragma once
+
+#include <glm/glm.hpp>
+
+namespace nacre {
+
+struct Camera {
+    int width = 0, height = 0;          // pixels
+    double fx = 0, fy = 0;              // focal lengths, pixels, positive
+    double cx = 0, cy = 0;              // principal point, pixels from the top-left corner (image centre = width/2, height/2)
+    glm::dmat4 worldFromCamera{1.0};    // rigid
+    glm::dvec3 position() const { return glm::dvec3(worldFromCamera[3]); }
+};
+
+} // namespace nacre

@@ -1,0 +1,19 @@
+// Whole files in, atomic files out.
+#pragma once
+
+#include "base/result.h"
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace nacre {
+
+/// Reads a whole file. Error kBadInput if it cannot be read or exceeds `maxBytes`.
+Result<std::vector<std::byte>> readFile(const std::string& path, size_t maxBytes = size_t(1) << 32);
+
+/// Writes `path`.tmp-PID in the same folder, syncs, renames over `path`; on failure removes the temporary and returns kIo.
+Status writeFileAtomically(const std::string& path, std::span<const std::byte> bytes);
+
+} // namespace nacre

@@ -1,0 +1,48 @@
+// A light as every part of Nacre passes it around. Meaning as in glTF KHR_lights_punctual, linear Rec.709.
+#pragma once
+
+#include "base/host_device.h"
+
+#include <glm/glm.hpp>
+
+#include <cmath>
+#include <cstdint>
+#include <string>
+
+namespace nacre {
+
+enum class LightType : uint8_t { kPoint, kDirectional, kEnvironment };
+
+struct Light {
+    LightType type = LightType::kPoint;
+    glm::vec3 position{0.0f};         // point: in the frame of the splats
+    glm::vec3 directionToLight{0, 0, 1}; // directional: unit, from the surface to the light
+    glm::vec3 intensity{1.0f};        // point: radiant intensity I, irradiance I/r^2; directional: irradiance
+    float radius = 0.0f;              // point: 1/r^2 stops growing inside this radius (floor kMinLightRadius)
+    std::string environmentPath;      // environment: equirectangular EXR, absolute or relative to the process
+};
+
+/// No light is smaller than this, so that a light on top of a Gaussian stays finite (asset units).
+constexpr float kMinLightRadius = 1e-3f;
+
+/// How one Gaussian sees one light: unit direction towards it and the falloff that turns intensity into irradiance.
+template <class T>
+struct LightSample {
+    T dir[3];
+    T falloff;
+};
+
+/// Point light at `position` seen from `p`. At zero distance the direction is +Z: any unit vector is as good.
+template <class T>
+NACRE_HD inline LightSample<T> samplePointLight(const T position[3], T radius, const T p[3])
+{
+    const T d[3] = {position[0] - p[0], position[1] - p[1], position[2] - p[2]};
+    const T r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+    const T minRadius = radius > T(kMinLightRadius) ? radius : T(kMinLightRadius);
+    const T falloff = T(1) / (r2 > minRadius * minRadius ? r2 : minRadius * minRadius);
+    if (!(r2 > T(1e-20))) return {{T(0), T(0), T(1)}, falloff};
+    const T inv = T(1) / std::sqrt(r2);
+    return {{d[0] * inv, d[1] * inv, d[2] * inv}, falloff};
+}
+
+} // namespace nacre

@@ -1,0 +1,70 @@
+// One-light-at-a-time (OLAT) data: the one struct every loader fills and the rest of Nacre reads.
+#pragma once
+
+#include "base/camera.h"
+#include "base/image.h"
+#include "base/light.h"
+#include "base/result.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace nacre {
+
+enum class ColorSpace : uint8_t { kLinear, kSrgb };
+
+struct OlatImage {
+    uint32_t camera = 0;   // index into OlatSplit::cameras
+    Light light;           // in the cameras' world frame; intensity includes any per-image gain
+    std::string path;      // absolute or relative to the process
+};
+
+struct OlatSplit {
+    std::string name;               // "train", "test", "near", "directional", "environment", ...
+    std::vector<Camera> cameras;    // distinct cameras: frames that share pose and intrinsics share one entry
+    std::vector<OlatImage> images;  // in file order
+};
+
+struct OlatDataset {
+    std::string path;
+    std::string convention;         // "canonical", "plpos", "sssgs", "bigs"
+    ColorSpace colorSpace = ColorSpace::kLinear; // of the files; loaded images are always linear
+    bool premultiplied = true;      // of the files; loaded images always are
+    glm::vec3 up{0, 0, 1};          // which world axis is up
+    std::vector<OlatSplit> splits;
+    std::vector<std::string> warnings; // one line each; never printed by the library
+
+    const OlatSplit* find(const std::string& name) const
+    {
+        for (const OlatSplit& s : splits)
+            if (s.name == name) return &s;
+        return nullptr;
+    }
+};
+
+/// Recognises the convention and reads the description files; images stay on disk.
+/// Errors kBadInput: nothing recognised, broken JSON, missing key, non-finite or non-rigid pose, missing image file, empty split.
+Result<OlatDataset> loadDataset(const std::string& path);
+
+/// Loads images on demand and keeps the most recent within `budgetBytes`. Safe to call from several threads.
+class ImageCache {
+public:
+    ImageCache(const OlatDataset& dataset, size_t budgetBytes);
+    ~ImageCache();
+    /// Linear, premultiplied, size checked against the camera, finite, alpha in [0, 1] (1 if the file has none).
+    Result<std::shared_ptr<const Image>> load(const OlatSplit& split, size_t imageIndex);
+    size_t residentBytes() const;
+
+private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+/// Looks at geometry and at some pixels for a convention that was misread: cameras look at the object, lights lie outside it,
+/// shading agrees with the light frame (Lambert sign test). One line per suspicion, saying what is probably flipped.
+Result<std::vector<std::string>> checkConventions(const OlatDataset& dataset, ImageCache& images);
+
+} // namespace nacre

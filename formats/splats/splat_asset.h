@@ -1,0 +1,52 @@
+// The relightable splat asset in memory: geometry plus the per-splat channels of one appearance model.
+#pragma once
+
+#include <glm/glm.hpp>
+#include <glm/gtc/quaternion.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace nacre {
+
+struct SplatCloud {                   // all arrays have `count` rows
+    size_t count = 0;
+    std::vector<glm::vec3> positions; // asset units (metres), in the dataset's own axes
+    std::vector<glm::quat> rotations; // unit, asset-from-local
+    std::vector<glm::vec3> scales;    // standard deviations along the local axes, linear, > 0
+    std::vector<float> opacities;     // [0, 1], already through the sigmoid
+};
+
+/// One per-splat quantity of the appearance model, row-major: values[splat * components + k].
+struct Channel {
+    std::string name;                 // e.g. "tDir"; unique within the asset
+    uint32_t components = 0;          // floats per splat
+    std::vector<float> values;        // count * components
+};
+
+/// KHR_gaussian_splatting look under one fixed light, for viewers that cannot relight. Linear Rec.709.
+struct NeutralLook {
+    int shFunctions = 0;              // 0 (none), 1, 4, 9 or 16
+    std::vector<glm::vec3> sh;        // [splat * shFunctions + i]; colour = max(0, 0.5 + sum_i sh_i y_i(mean - camera))
+};
+
+struct SplatAsset {
+    std::string model;                // "bigs"
+    SplatCloud cloud;
+    std::vector<Channel> channels;    // as listed by the model's channel table
+    float lowPassVariance = 0.1f;     // px^2 added to both diagonal entries of the projected covariance, opacity-compensated (mip-splatting)
+    glm::quat yUpFromAsset{1, 0, 0, 0}; // the glTF node's rotation: dataset axes -> glTF +Y up
+    NeutralLook neutral;
+    std::string bakedWith;            // one line of provenance: version, dataset name, iterations, seed
+
+    const Channel* find(const char* name) const
+    {
+        for (const Channel& c : channels)
+            if (c.name == name) return &c;
+        return nullptr;
+    }
+};
+
+} // namespace nacre

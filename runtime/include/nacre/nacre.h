@@ -1,0 +1,125 @@
+// Nacre runtime: draws relightable splat assets inside your OpenGL frame. C99, no global state.
+//
+// You own window, GL context, framebuffer, files and threads. Call every function that takes a NacreContext on the thread
+// where the GL context given to nacreContextCreate is current. GL 3.3 core or newer.
+//
+// Frames: right-handed; matrices are column-major float[16] that multiply column vectors, clip space is OpenGL's (z in [-w, w]).
+// Colour: linear Rec.709 radiance. Draw into a linear float target (RGBA16F or RGBA32F) with premultiplied "over" blending.
+#ifndef NACRE_H
+#define NACRE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define NACRE_API
+#else
+#define NACRE_API __attribute__((visibility("default")))
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define NACRE_VERSION_MAJOR 0
+#define NACRE_VERSION_MINOR 1
+#define NACRE_VERSION_PATCH 0
+/// MAJOR*10000 + MINOR*100 + PATCH of the library that is linked (compare with the macros of the header).
+NACRE_API uint32_t nacreVersion(void);
+
+typedef enum NacreResult {
+    NACRE_OK = 0,
+    NACRE_ERROR_INVALID_ARGUMENT = 1, // null pointer, non-finite number, wrong structSize
+    NACRE_ERROR_BAD_ASSET = 2,        // the bytes are not a valid asset; the message names the part
+    NACRE_ERROR_UNSUPPORTED = 3,      // GL too old, a limit too small for this asset
+    NACRE_ERROR_OUT_OF_MEMORY = 4,
+    NACRE_ERROR_GL = 5                // shader or framebuffer failure
+} NacreResult;
+
+typedef enum NacreSeverity { NACRE_INFO = 0, NACRE_WARNING = 1, NACRE_ERROR = 2 } NacreSeverity;
+
+typedef struct NacreContextImpl* NacreContext;
+typedef struct NacreAssetImpl* NacreAsset;
+
+/// Same shape as eglGetProcAddress / glfwGetProcAddress with a user pointer.
+typedef void* (*NacreGetProcAddress)(const char* name, void* user);
+/// `text` is one line, valid during the call.
+typedef void (*NacreMessageCallback)(NacreSeverity severity, const char* text, void* user);
+
+typedef struct NacreContextDesc {
+    size_t structSize;                   // sizeof(NacreContextDesc)
+    NacreGetProcAddress getProcAddress;  // required
+    void* getProcAddressUser;
+    NacreMessageCallback message;        // optional; without it messages are dropped
+    void* messageUser;
+} NacreContextDesc;
+
+/// Compiles nothing yet; checks the GL version and limits. On failure `*context` is NULL.
+NACRE_API NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreContext* context);
+/// Frees every GL object of the context. Destroy its assets first. NULL is allowed.
+NACRE_API void nacreContextDestroy(NacreContext context);
+
+/// Uploads an asset (.glb bytes) to the GPU. `bytes` may be freed when this returns. Safe on untrusted input: a damaged file
+/// gives NACRE_ERROR_BAD_ASSET and one message; nothing is created and `*asset` is NULL.
+NACRE_API NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset);
+NACRE_API void nacreAssetDestroy(NacreAsset asset);
+
+typedef struct NacreAssetInfo {
+    size_t structSize;          // sizeof(NacreAssetInfo), set by the caller
+    uint32_t splatCount;
+    uint64_t gpuBytes;          // textures and buffers of this asset
+    float boundsMin[3];         // of the splat centres, asset space
+    float boundsMax[3];
+    float yUpFromAsset[4];      // quaternion x,y,z,w of the asset's glTF node: apply it in worldFromAsset for a +Y-up world
+} NacreAssetInfo;
+NACRE_API NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info);
+
+typedef enum NacreLightType { NACRE_LIGHT_POINT = 0, NACRE_LIGHT_DIRECTIONAL = 1 } NacreLightType;
+
+/// World space. Point: intensity I, irradiance I / r^2, capped inside `radius` (at least 1 mm).
+/// Directional: `vector` is the unit direction from the surface to the light, intensity is the irradiance.
+typedef struct NacreLight {
+    NacreLightType type;
+    float vector[3];      // position or direction to light
+    float intensity[3];   // linear rgb, >= 0, finite
+    float radius;         // point only
+} NacreLight;
+
+#define NACRE_MAX_LIGHTS 256
+
+/// Replaces the lights that illuminate `asset`. Copies them. Relighting runs at the next draw, only if something changed.
+NACRE_API NacreResult nacreAssetSetLights(NacreAsset asset, const NacreLight* lights, size_t count);
+
+typedef struct NacreDrawDesc {
+    size_t structSize;          // sizeof(NacreDrawDesc)
+    float worldFromAsset[16];   // rigid plus uniform scale
+    float viewFromWorld[16];    // rigid
+    float clipFromView[16];     // perspective projection; off-centre and jittered matrices are fine
+    int viewportWidth;          // pixels of the viewport the host has set (origin as the host set it)
+    int viewportHeight;
+    int depthTest;              // 1: test splat centres against the bound depth buffer with the host's depth function; 0: no test
+} NacreDrawDesc;
+
+/// Draws into the bound draw framebuffer. Touched GL state is saved and restored (list in README, "Embedding").
+NACRE_API NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc);
+
+/// CPU-side record of the last draw, for tests and profilers.
+typedef struct NacreDrawStats {
+    size_t structSize;            // sizeof(NacreDrawStats), set by the caller
+    uint32_t splatsDrawn;         // after culling
+    uint32_t lightPassesRun;      // 1 if the light-only part was re-evaluated in the last draw, else 0
+    uint32_t viewPassesRun;       // 1 if the view-only contraction was re-evaluated
+    uint32_t combinePassesRun;    // 1 if the final colours were re-evaluated
+    uint32_t sorted;              // 1 if the splats were sorted again
+    double relightSeconds;        // CPU wall time of submission unless nacreSetProfiling(1), which inserts glFinish
+    double sortSeconds;
+    double rasterSeconds;
+} NacreDrawStats;
+NACRE_API NacreResult nacreAssetGetDrawStats(NacreAsset asset, NacreDrawStats* stats);
+/// 1: glFinish around relight, sort and raster so that the stats are true times. Slows drawing down. Default 0.
+NACRE_API void nacreContextSetProfiling(NacreContext context, int enabled);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
