@@ -1,0 +1,139 @@
+// The table of appearance models, and the border check every asset passes when it is read, written or handed to a renderer.
+#include "appearance/model_table.h"
+
+#include "appearance/bigs/bigs.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nacre {
+namespace {
+
+std::vector<AppearanceModel> makeTable()
+{
+    const auto pairs = [](int functions) { return uint32_t(3 * bigsPairCount(functions)); };
+    return {
+        {"bigs",
+         "bidirectional Gaussian primitives: per-splat spherical-harmonic light transport, linear in light",
+         {{"tDir", {25}},
+          {"tInd", {75}},
+          {"rho", {3}},
+          {"s", {0, pairs(1), pairs(4), pairs(9), pairs(16), pairs(25)}}}}, // 0: no bidirectional part, the channel is absent
+    };
+}
+
+std::string sizesText(const ChannelSpec& spec)
+{
+    std::string text;
+    for (uint32_t n : spec.components) text += (text.empty() ? "" : ", ") + std::to_string(n);
+    return text;
+}
+
+Error bad(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
+std::string atSplat(size_t i) { return " (splat " + std::to_string(i) + ")"; }
+
+bool allFinite(const float* values, size_t n)
+{
+    // A product with 0 is NaN for NaN and infinity: one branch-free sum instead of a test per value.
+    float sum = 0;
+    for (size_t i = 0; i < n; ++i) sum += values[i] * 0.0f;
+    return sum == 0.0f;
+}
+
+bool finite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+bool unit(const glm::quat& q)
+{
+    const double norm = std::sqrt(double(q.w) * q.w + double(q.x) * q.x + double(q.y) * q.y + double(q.z) * q.z);
+    return std::abs(norm - 1.0) <= 1e-3; // f32 normalisation is good to 1e-7; other tools round to 8 or 16 bits and renormalise
+}
+
+Status validateCloud(const SplatCloud& cloud)
+{
+    const size_t n = cloud.count;
+    if (n == 0) return bad("the asset has no splats, at least one is needed");
+    if (cloud.positions.size() != n || cloud.rotations.size() != n || cloud.scales.size() != n || cloud.opacities.size() != n)
+        return bad("geometry arrays disagree: " + std::to_string(n) + " splats, but " + std::to_string(cloud.positions.size()) +
+                   " positions, " + std::to_string(cloud.rotations.size()) + " rotations, " + std::to_string(cloud.scales.size()) +
+                   " scales, " + std::to_string(cloud.opacities.size()) + " opacities");
+    for (size_t i = 0; i < n; ++i) {
+        const glm::vec3& s = cloud.scales[i];
+        if (!finite(cloud.positions[i])) return bad("position is not finite" + atSplat(i));
+        if (!unit(cloud.rotations[i])) return bad("rotation is not a unit quaternion" + atSplat(i));
+        if (!finite(s) || !(s.x > 0 && s.y > 0 && s.z > 0)) return bad("scale is not positive and finite" + atSplat(i));
+        if (!(cloud.opacities[i] >= 0 && cloud.opacities[i] <= 1)) return bad("opacity is outside [0, 1]" + atSplat(i));
+    }
+    return ok();
+}
+
+Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
+{
+    for (size_t i = 0; i < asset.channels.size(); ++i) {
+        const Channel& channel = asset.channels[i];
+        const auto sameName = [&](const auto& other) { return channel.name == other.name; };
+        const auto spec = std::find_if(model.channels.begin(), model.channels.end(), sameName);
+        if (spec == model.channels.end()) return bad("channel '" + channel.name + "' does not belong to model '" + asset.model + "'");
+        if (std::any_of(asset.channels.begin(), asset.channels.begin() + ptrdiff_t(i), sameName))
+            return bad("channel '" + channel.name + "' appears twice");
+        const std::vector<uint32_t>& sizes = spec->components;
+        if (channel.components == 0 || std::find(sizes.begin(), sizes.end(), channel.components) == sizes.end())
+            return bad("channel '" + channel.name + "' has " + std::to_string(channel.components) +
+                       " components per splat, accepted: " + sizesText(*spec) + (sizes[0] == 0 ? " (0: leave the channel out)" : ""));
+        if (channel.values.size() != asset.cloud.count * channel.components)
+            return bad("channel '" + channel.name + "' has " + std::to_string(channel.values.size()) + " values, expected " +
+                       std::to_string(asset.cloud.count) + " splats x " + std::to_string(channel.components));
+        if (!allFinite(channel.values.data(), channel.values.size()))
+            return bad("channel '" + channel.name + "' has a value that is not finite");
+    }
+    for (const ChannelSpec& spec : model.channels)
+        if (spec.components[0] != 0 && !asset.find(spec.name))
+            return bad("channel '" + std::string(spec.name) + "' of model '" + asset.model + "' is missing");
+    return ok();
+}
+
+Status validateNeutral(const SplatAsset& asset)
+{
+    const NeutralLook& look = asset.neutral;
+    const int f = look.shFunctions;
+    if (f != 0 && f != 1 && f != 4 && f != 9 && f != 16)
+        return bad("neutral look has " + std::to_string(f) + " SH functions, expected 0, 1, 4, 9 or 16");
+    if (look.sh.size() != asset.cloud.count * size_t(f))
+        return bad("neutral look has " + std::to_string(look.sh.size()) + " coefficients, expected " +
+                   std::to_string(asset.cloud.count) + " splats x " + std::to_string(f));
+    if (!look.sh.empty() && !allFinite(&look.sh[0].x, 3 * look.sh.size())) return bad("neutral look has a value that is not finite");
+    return ok();
+}
+
+} // namespace
+
+std::span<const AppearanceModel> appearanceModels()
+{
+    static const std::vector<AppearanceModel> table = makeTable();
+    return table;
+}
+
+const AppearanceModel* findAppearanceModel(const std::string& name)
+{
+    for (const AppearanceModel& model : appearanceModels())
+        if (name == model.name) return &model;
+    return nullptr;
+}
+
+Status validate(const SplatAsset& asset)
+{
+    const AppearanceModel* model = findAppearanceModel(asset.model);
+    if (!model) {
+        std::string known;
+        for (const AppearanceModel& m : appearanceModels()) known += (known.empty() ? "" : ", ") + std::string(m.name);
+        return bad("unknown appearance model '" + asset.model + "', this version knows: " + known);
+    }
+    if (Status s = validateCloud(asset.cloud); !s) return s;
+    if (Status s = validateChannels(asset, *model); !s) return s;
+    if (Status s = validateNeutral(asset); !s) return s;
+    if (!(std::isfinite(asset.lowPassVariance) && asset.lowPassVariance >= 0))
+        return bad("screen-space filter variance is not finite and >= 0");
+    if (!unit(asset.yUpFromAsset)) return bad("rotation to +Y up is not a unit quaternion");
+    return ok();
+}
+
+} // namespace nacre
