@@ -1,0 +1,139 @@
+// nacre bake: OLAT dataset in, relightable asset out.
+#include "cli.h"
+
+#include "appearance/model_table.h"
+#include "asset/asset_io.h"
+#include "train/bake.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <sys/resource.h>
+
+namespace nacre::cli {
+
+struct BakeArguments {
+    std::string dataset, output, device = "auto", json;
+    BakeOptions options;
+};
+
+static size_t peakRssBytes()
+{
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return size_t(usage.ru_maxrss) * 1024; // Linux counts in KiB
+}
+
+static std::string progressText(const BakeProgress& p)
+{
+    std::string text = p.stage;
+    if (p.iterations > 0)
+        text += format(" %d/%d", p.iteration, p.iterations);
+    else if (p.iteration > 0)
+        text += format(" %d", p.iteration);
+    text += ", " + clockText(p.seconds) + " gone";
+    if (p.secondsLeft >= 0) text += ", " + clockText(p.secondsLeft) + " left";
+    if (p.splats > 0) text += format(", %d splats", p.splats);
+    if (p.psnrTrain > 0) text += format(", %.2f dB (train, masked)", p.psnrTrain);
+    return text;
+}
+
+/// What a user can still do when the bake or the writing of the asset failed.
+static Error withResumeHint(Error error, const std::string& checkpoint)
+{
+    std::error_code ignored;
+    if (std::filesystem::exists(checkpoint, ignored))
+        error.message += "; the checkpoint is '" + checkpoint + "': give the same command with --resume to go on";
+    return error;
+}
+
+static Json historyJson(const std::vector<HistoryPoint>& history)
+{
+    Json out = Json::array();
+    for (const HistoryPoint& h : history)
+        out.push_back({{"seconds", h.seconds}, {"iteration", h.iteration}, {"splats", h.splats}, {"psnr", h.psnrTest},
+                       {"psnr_masked", h.psnrMaskedTest}});
+    return out;
+}
+
+static Status runBake(BakeArguments args)
+{
+    if (args.device == "cuda")
+        return Error{ErrorCode::kUnsupported, "--device cuda: this nacre was built without a CUDA baker; use --device cpu"};
+    if (Status s = checkWritable(args.output); !s) return s;
+    if (Status s = checkWritable(args.json); !s) return s;
+    BakeOptions& options = args.options;
+    options.checkpointPath = args.output + ".ckpt";
+    if (options.resume && !std::filesystem::exists(options.checkpointPath))
+        return Error{ErrorCode::kBadInput, "--resume: there is no checkpoint '" + options.checkpointPath + "'; leave --resume out to start anew"};
+
+    const std::atomic<bool>& stop = catchStopSignals();
+    const auto dataset = openDataset(args.dataset);
+    if (!dataset) return dataset.error();
+    if (const auto train = findSplit(*dataset, "train"); !train) return train.error();
+    {
+        ImageCache images(*dataset, size_t(64) << 20);
+        const auto suspicions = checkConventions(*dataset, images);
+        if (!suspicions) return suspicions.error();
+        for (const std::string& line : *suspicions) warn(line);
+    }
+    // a held-out evaluation costs time of the bake, so it runs only for who asked to see its history
+    options.trackHeldOut = !args.json.empty() && dataset->find("test");
+
+    Progress progress;
+    auto result = bake(*dataset, options, [&](const BakeProgress& p) { progress.show(progressText(p)); }, &stop);
+    progress.clear();
+    if (!result) return withResumeHint(result.error(), options.checkpointPath);
+    for (const std::string& line : result->warnings) warn(line);
+    if (Status s = writeAsset(result->asset, args.output); !s) return withResumeHint(s.error(), options.checkpointPath);
+    std::error_code ignored;
+    std::filesystem::remove(options.checkpointPath, ignored);
+
+    const size_t splats = result->asset.cloud.count, bytes = fileBytes(args.output), peak = peakRssBytes();
+    std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat)\n", args.output.c_str(), result->asset.model.c_str(), splats, bytes,
+                double(bytes) / double(splats));
+    std::printf("%d iterations in %.1f s on the cpu%s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations, result->seconds,
+                args.device == "auto" ? " (auto: no CUDA baker in this build)" : "", result->psnrTrain, double(peak) / 1048576.0);
+    if (args.json.empty()) return ok();
+    return writeJson({{"model", result->asset.model},
+                      {"splats", splats},
+                      {"iterations", result->iterations},
+                      {"seconds", result->seconds},
+                      {"device", "cpu"},
+                      {"seed", options.seed},
+                      {"psnr_train", result->psnrTrain},
+                      {"peak_rss_bytes", peak},
+                      {"asset_bytes", bytes},
+                      {"history", historyJson(result->history)}},
+                     args.json);
+}
+
+Action addBake(CLI::App& app)
+{
+    auto args = std::make_shared<BakeArguments>();
+    BakeOptions& o = args->options;
+    std::vector<std::string> models;
+    for (const AppearanceModel& model : appearanceModels()) models.push_back(model.name);
+
+    CLI::App* sub = app.add_subcommand("bake", "Turn an OLAT dataset into a relightable asset");
+    sub->add_option("DATASET", args->dataset, "OLAT dataset: its folder or a transforms file")->required();
+    sub->add_option("-o,--output", args->output, "Asset to write (.glb)")->required();
+    sub->add_option("--model", o.model, "Appearance model")->check(CLI::IsMember(models))->capture_default_str();
+    sub->add_option("--quality", o.quality, "Sets iterations, splats and channel sizes that are not given")
+        ->check(CLI::IsMember({"draft", "standard", "high"}))->capture_default_str();
+    auto* minutes = sub->add_option("--minutes", o.minutes, "Wall time of the whole bake, minutes (default: from --quality)")->check(positiveNumber());
+    sub->add_option("--iterations", o.iterations, "Training steps, instead of --minutes; same seed, same bytes")
+        ->check(wholeNumber(1, 100000000))->excludes(minutes);
+    sub->add_option("--device", args->device, "Where to train")->check(CLI::IsMember({"cpu", "cuda", "auto"}))->capture_default_str();
+    sub->add_option("--threads", o.threads, "0: all cores; the result does not depend on it")->check(wholeNumber(0, 4096))->capture_default_str();
+    sub->add_option("--seed", o.seed, "Of every random choice")->check(wholeNumber(0, INT64_MAX))->capture_default_str();
+    sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality)")->check(wholeNumber(1, 100000000));
+    sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term (default: from --quality)")
+        ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
+    sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(CLI::Range(0.0, 1.0));
+    sub->add_flag("--resume", o.resume, "Go on from the checkpoint ASSET.glb.ckpt that an interrupted bake has left");
+    sub->add_option("--json", args->json, "Write figures of the bake, and its held-out error over time, to this file");
+    sub->footer("Ctrl-C and SIGTERM write a checkpoint next to the output; --resume goes on from there.");
+    return [args] { return runBake(*args); };
+}
+
+} // namespace nacre::cli

@@ -1,0 +1,88 @@
+// What the subcommands share. A subcommand is one file with one function that declares its options and returns the work; main.cpp
+// prints the error, if any, and turns it into the exit code. Contract: 0 success, 1 the work failed, 2 bad arguments or bad input.
+#pragma once
+
+#include "base/image.h"
+#include "base/light.h"
+#include "base/result.h"
+#include "dataset/olat_dataset.h"
+#include "eval/splat_renderer.h"
+#include "splats/splat_asset.h"
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace nacre::cli {
+
+using Json = nlohmann::ordered_json;
+
+/// Runs after parsing, once, with the options the function that made it has bound.
+using Action = std::function<Status()>;
+
+Action addBake(CLI::App& app);
+Action addEval(CLI::App& app);
+Action addRender(CLI::App& app);
+Action addInfo(CLI::App& app);
+
+/// Ctrl-C and SIGTERM from now on only set the returned flag; poll it between pieces of work.
+const std::atomic<bool>& catchStopSignals();
+Error stoppedBySignal(const std::string& whatIsLeft);
+
+/// "nacre: warning: ..." on stderr, on one line.
+void warn(const std::string& message);
+std::string oneLine(std::string text);
+
+/// One line on stderr about long work: rewritten in place on a terminal, a new line every 30 s otherwise.
+class Progress {
+public:
+    Progress();
+    ~Progress() { clear(); }
+    void show(const std::string& text);
+    void clear(); // so that other output starts on a clean line
+private:
+    bool terminal_ = false, shown_ = false;
+    std::chrono::steady_clock::time_point last_;
+};
+
+/// "1:05" or "2:03:20"; "?" when negative.
+std::string clockText(double seconds);
+/// printf into a string.
+std::string format(const char* pattern, ...) __attribute__((format(printf, 1, 2)));
+
+/// Says before hours of work, not after, that `path` cannot be written. Empty paths pass.
+Status checkWritable(const std::string& path);
+/// Creates `folder` and its parents.
+Status makeFolder(const std::string& folder);
+Status writeJson(const Json& json, const std::string& path);
+size_t fileBytes(const std::string& path);
+
+/// loadDataset, with its warnings shown.
+Result<OlatDataset> openDataset(const std::string& path);
+Result<const OlatSplit*> findSplit(const OlatDataset& dataset, const std::string& name);
+
+/// An asset file as bytes and as what they mean. Errors name the file.
+struct AssetFile {
+    std::vector<std::byte> bytes;
+    SplatAsset asset;
+};
+Result<AssetFile> openAsset(const std::string& path);
+
+/// --renderer gl|reference.
+struct RendererOption {
+    std::string name = "gl";
+    void addTo(CLI::App& app);
+    Result<std::unique_ptr<SplatRenderer>> make(const AssetFile& file) const;
+};
+
+// CLI11 checks. Its own range checks let NaN pass.
+CLI::Validator positiveNumber();
+CLI::Validator wholeNumber(long long lowest, long long highest);
+
+} // namespace nacre::cli

@@ -1,0 +1,151 @@
+// nacre info: what a dataset or an asset holds.
+#include "cli.h"
+
+#include "appearance/model_table.h"
+#include "asset/asset_io.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <set>
+
+namespace nacre::cli {
+
+struct InfoArguments {
+    std::string path, json;
+    bool models = false;
+};
+
+struct Range {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    void add(double x) { low = std::min(low, x), high = std::max(high, x); }
+    std::string text() const { return low > high ? "-" : format("%.4g..%.4g", low, high); }
+};
+
+/// Two lights are the same if they shine the same, to the last bit.
+static size_t distinctLights(const OlatSplit& split)
+{
+    std::set<std::pair<std::array<float, 11>, std::string>> lights;
+    for (const OlatImage& image : split.images) {
+        const Light& l = image.light;
+        lights.insert({{float(l.type), l.position.x, l.position.y, l.position.z, l.directionToLight.x, l.directionToLight.y,
+                        l.directionToLight.z, l.intensity.x, l.intensity.y, l.intensity.z, l.radius}, l.environmentPath});
+    }
+    return lights.size();
+}
+
+static void printSplit(const OlatSplit& split, size_t lights)
+{
+    static constexpr const char* kLightNames[] = {"point", "directional", "environment"};
+    Range cameraDistance, lightDistance, intensity, focal;
+    std::array<size_t, 3> ofType{};
+    for (const Camera& c : split.cameras) {
+        cameraDistance.add(glm::length(c.position()));
+        focal.add(c.fx), focal.add(c.fy);
+    }
+    for (const OlatImage& image : split.images) {
+        const Light& l = image.light;
+        ++ofType[size_t(l.type)];
+        if (l.type == LightType::kPoint) lightDistance.add(glm::length(l.position));
+        if (l.type != LightType::kEnvironment)
+            for (int c = 0; c < 3; ++c) intensity.add(l.intensity[c]);
+    }
+    std::string types;
+    for (size_t t = 0; t < ofType.size(); ++t)
+        if (ofType[t] > 0) types += format("%s%zu %s", types.empty() ? "" : ", ", ofType[t], kLightNames[t]);
+    const Camera& first = split.cameras.front();
+    std::printf("%-12s %zu images (%s light), %zu cameras, %zu lights, %dx%d pixels\n", split.name.c_str(), split.images.size(), types.c_str(),
+                split.cameras.size(), lights, first.width, first.height);
+    std::printf("%-12s focal length %s px; distance from the origin: cameras %s, lights %s; intensity %s\n", "", focal.text().c_str(),
+                cameraDistance.text().c_str(), lightDistance.text().c_str(), intensity.text().c_str());
+}
+
+static Status datasetInfo(const InfoArguments& args)
+{
+    const auto dataset = loadDataset(args.path);
+    if (!dataset) return dataset.error();
+    std::vector<std::string> warnings = dataset->warnings;
+    ImageCache images(*dataset, size_t(64) << 20);
+    const auto suspicions = checkConventions(*dataset, images);
+    if (!suspicions) return suspicions.error();
+    warnings.insert(warnings.end(), suspicions->begin(), suspicions->end());
+
+    const char* colorSpace = dataset->colorSpace == ColorSpace::kLinear ? "linear" : "srgb";
+    std::printf("%s: %s convention, %s files, %s alpha, up (%g, %g, %g)\n", args.path.c_str(), dataset->convention.c_str(), colorSpace,
+                dataset->premultiplied ? "premultiplied" : "straight", dataset->up.x, dataset->up.y, dataset->up.z);
+    Json splits = Json::object();
+    for (const OlatSplit& split : dataset->splits) {
+        if (split.cameras.empty() || split.images.empty())
+            return Error{ErrorCode::kBadInput, "dataset '" + args.path + "': split '" + split.name + "' is empty"};
+        const size_t lights = distinctLights(split);
+        printSplit(split, lights);
+        splits[split.name] = {{"images", split.images.size()}, {"cameras", split.cameras.size()}, {"lights", lights},
+                              {"width", split.cameras.front().width}, {"height", split.cameras.front().height}};
+    }
+    for (const std::string& line : warnings) std::printf("warning: %s\n", oneLine(line).c_str());
+    if (warnings.empty()) std::printf("convention checks: nothing suspicious\n");
+    if (args.json.empty()) return ok();
+    return writeJson({{"convention", dataset->convention}, {"color_space", colorSpace}, {"splits", splits}, {"warnings", warnings}}, args.json);
+}
+
+static Status assetInfo(const InfoArguments& args)
+{
+    const auto file = openAsset(args.path);
+    if (!file) return file.error();
+    const auto summary = summarizeAsset(file->bytes);
+    if (!summary) return Error{summary.error().code, "'" + args.path + "': " + summary.error().message};
+
+    const SplatAsset& asset = file->asset;
+    const size_t splats = asset.cloud.count, bytes = file->bytes.size();
+    const double perSplat = double(bytes) / double(splats);
+    std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat), profile %s\n", args.path.c_str(), asset.model.c_str(), splats,
+                bytes, perSplat, summary->profile.c_str());
+    if (!asset.bakedWith.empty()) std::printf("baked with   %s\n", asset.bakedWith.c_str());
+    Json channels = Json::array();
+    for (const auto& channel : summary->channels) {
+        std::printf("%-24s %10zu bytes, %.1f per splat\n", channel.name.c_str(), channel.bytes, double(channel.bytes) / double(splats));
+        channels.push_back({{"name", channel.name}, {"bytes", channel.bytes}});
+    }
+    if (args.json.empty()) return ok();
+    return writeJson({{"model", asset.model}, {"splats", splats}, {"asset_bytes", bytes}, {"bytes_per_splat", perSplat},
+                      {"profile", summary->profile}, {"channels", channels}}, args.json);
+}
+
+static Status listModels()
+{
+    for (const AppearanceModel& model : appearanceModels()) {
+        std::printf("%-6s %s\n", model.name, model.summary);
+        for (const ChannelSpec& channel : model.channels) {
+            std::string sizes;
+            for (uint32_t n : channel.components) sizes += format("%s%u", sizes.empty() ? "" : ", ", n);
+            std::printf("       %s: %s floats per splat\n", channel.name, sizes.c_str());
+        }
+    }
+    return ok();
+}
+
+static Status runInfo(const InfoArguments& args)
+{
+    if (args.models) return listModels();
+    if (args.path.empty()) return Error{ErrorCode::kBadInput, "info needs an asset, a dataset or --models (try: nacre info --help)"};
+    if (Status s = checkWritable(args.json); !s) return s;
+    std::error_code ignored;
+    const std::filesystem::path path(args.path);
+    if (!std::filesystem::exists(path, ignored))
+        return Error{ErrorCode::kBadInput, "there is no '" + args.path + "'; give an asset (.glb) or the folder of a dataset"};
+    return std::filesystem::is_directory(path, ignored) || path.extension() == ".json" ? datasetInfo(args) : assetInfo(args);
+}
+
+Action addInfo(CLI::App& app)
+{
+    auto args = std::make_shared<InfoArguments>();
+    CLI::App* sub = app.add_subcommand("info", "Say what an asset or a dataset holds, and whether its conventions look right");
+    sub->add_option("PATH", args->path, "Asset (.glb), or OLAT dataset: its folder or a transforms file");
+    sub->add_flag("--models", args->models, "List the appearance models and what they store per splat");
+    sub->add_option("--json", args->json, "Write the same to this file");
+    return [args] { return runInfo(*args); };
+}
+
+} // namespace nacre::cli

@@ -1,0 +1,174 @@
+// nacre render: an asset from any camera under any lights, as one image or as a turn of frames.
+#include "cli.h"
+
+#include "eval/contact_sheet.h"
+#include "eval/evaluate.h"
+#include "interchange/exr.h"
+#include "interchange/png.h"
+#include "scene_spec.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <numbers>
+
+namespace nacre::cli {
+
+struct RenderArguments {
+    std::string asset, output, size, camera, orbit, spin = "light";
+    RendererOption renderer;
+    std::vector<std::string> lights;
+    double fovYDegrees = 40;
+    int frames = 1;
+};
+
+struct Scene {
+    Camera camera;
+    std::vector<Light> lights; // point and directional
+};
+
+static Status addLight(const Light& light, std::vector<Light>& lights)
+{
+    const auto expanded = rendererLights(light);
+    if (!expanded) return expanded.error();
+    lights.insert(lights.end(), expanded->begin(), expanded->end());
+    return ok();
+}
+
+/// White light from the upper left of the camera; a white diffuse surface that faces it would reach radiance 1.
+static Light defaultLight(const Camera& camera, const Subject& subject)
+{
+    const glm::dmat3 axes(camera.worldFromCamera);
+    const double distance = glm::length(camera.position() - subject.center);
+    const glm::dvec3 fromSubject = axes[2] - 0.7 * axes[0] + 0.7 * axes[1];
+    Light light;
+    light.position = subject.center + distance * fromSubject;
+    light.intensity = glm::vec3(std::numbers::pi * distance * distance * glm::dot(fromSubject, fromSubject));
+    return light;
+}
+
+static Result<Scene> buildScene(const RenderArguments& args, const SplatAsset& asset, const Subject& subject)
+{
+    PixelSize size{512, 512};
+    if (!args.size.empty()) {
+        const auto parsed = parseSize(args.size);
+        if (!parsed) return parsed.error();
+        size = *parsed;
+    }
+    Scene scene;
+    for (const std::string& text : args.lights) {
+        const auto light = parseLight(text);
+        if (!light) return light.error();
+        if (Status s = addLight(*light, scene.lights); !s) return s.error();
+    }
+    if (args.camera.empty()) {
+        Orbit orbit;
+        if (!args.orbit.empty()) {
+            const auto parsed = parseOrbit(args.orbit);
+            if (!parsed) return parsed.error();
+            orbit = *parsed;
+        }
+        scene.camera = orbitCamera(orbit, subject, asset.yUpFromAsset, args.fovYDegrees, size);
+    } else {
+        const auto reference = parseImageReference(args.camera);
+        if (!reference) return reference.error();
+        const auto dataset = openDataset(reference->dataset);
+        if (!dataset) return dataset.error();
+        const auto split = findSplit(*dataset, reference->split);
+        if (!split) return split.error();
+        const std::vector<OlatImage>& images = (*split)->images;
+        if (reference->index >= images.size())
+            return Error{ErrorCode::kBadInput, format("--camera '%s': split '%s' has images 0 to %zu", args.camera.c_str(),
+                                                      reference->split.c_str(), images.size() - 1)};
+        const OlatImage& image = images[reference->index];
+        scene.camera = (*split)->cameras[image.camera];
+        if (!args.size.empty()) scene.camera = resized(scene.camera, size);
+        if (args.lights.empty())
+            if (Status s = addLight(image.light, scene.lights); !s) return s.error();
+    }
+    if (scene.lights.empty()) {
+        const Light light = defaultLight(scene.camera, subject);
+        scene.lights.push_back(light);
+        std::printf("no --light given: --light point:%g,%g,%g:%g\n", light.position.x, light.position.y, light.position.z, light.intensity.x);
+    }
+    return scene;
+}
+
+static Status writeFrame(const Image& image, const std::filesystem::path& path)
+{
+    if (path.extension() == ".exr") return writeExr(image, path.string());
+    const Picture picture = displayPicture(image);
+    return writePng(path.string(), picture.width, picture.height, 3, picture.rgb);
+}
+
+/// turn.png -> turn_0007.png
+static std::filesystem::path frameName(const std::filesystem::path& output, int frame, int frames)
+{
+    if (frames == 1) return output;
+    return output.parent_path() / (output.stem().string() + format("_%04d", frame) + output.extension().string());
+}
+
+static Status runRender(const RenderArguments& args)
+{
+    const std::atomic<bool>& stop = catchStopSignals();
+    const std::filesystem::path output(args.output);
+    if (output.extension() != ".exr" && output.extension() != ".png")
+        return Error{ErrorCode::kBadInput, "-o '" + args.output + "': the name must end in .exr (linear) or .png (sRGB)"};
+    if (Status s = checkWritable(args.output); !s) return s;
+    const auto file = openAsset(args.asset);
+    if (!file) return file.error();
+    const Subject subject = findSubject(file->asset);
+    const auto scene = buildScene(args, file->asset, subject);
+    if (!scene) return scene.error();
+    const auto renderer = args.renderer.make(*file);
+    if (!renderer) return renderer.error();
+
+    Progress progress;
+    const auto start = std::chrono::steady_clock::now();
+    for (int frame = 0; frame < args.frames; ++frame) {
+        if (stop) return stoppedBySignal(format("%d of %d frames were written", frame, args.frames));
+        const glm::dmat4 spin = spinMatrix(subject, 2 * std::numbers::pi * frame / args.frames);
+        const bool spinCamera = args.spin == "camera" && frame > 0, spinLight = args.spin == "light" && frame > 0;
+        std::vector<Light> lights = scene->lights;
+        if (spinLight)
+            for (Light& light : lights) light = spun(light, spin);
+        const auto image = (*renderer)->render(spinCamera ? spun(scene->camera, spin) : scene->camera, lights);
+        if (!image) return image.error();
+        if (Status s = writeFrame(*image, frameName(output, frame, args.frames)); !s) return s;
+        const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        progress.show(format("render %d/%d, %s left", frame + 1, args.frames,
+                             clockText(seconds / (frame + 1) * (args.frames - frame - 1)).c_str()));
+    }
+    progress.clear();
+    std::printf("%s%s: %dx%d, %zu lights, drawn by %s\n", frameName(output, 0, args.frames).string().c_str(),
+                args.frames > 1 ? format(" and %d more", args.frames - 1).c_str() : "", scene->camera.width, scene->camera.height,
+                scene->lights.size(), (*renderer)->description().c_str());
+    return ok();
+}
+
+Action addRender(CLI::App& app)
+{
+    auto args = std::make_shared<RenderArguments>();
+    CLI::App* sub = app.add_subcommand("render", "Draw an asset from a camera under lights of your choice");
+    sub->add_option("ASSET", args->asset, "Asset (.glb)")->required();
+    sub->add_option("-o,--output", args->output, "Image to write: .exr (linear, with alpha) or .png (sRGB over black)")->required();
+    sub->add_option("--size", args->size, "Image size WIDTHxHEIGHT in pixels (default: that of --camera, else 512x512)");
+    auto* camera = sub->add_option("--camera", args->camera, "DATASET:SPLIT:INDEX, the camera of an image; its light too if there is no --light");
+    sub->add_option("--orbit", args->orbit,
+                                  "AZ,EL[,DIST]: azimuth and elevation in degrees, distance in asset units from the middle of the\n"
+                                  "object (default: 30,20 at a distance that shows all of it)")->excludes(camera);
+    sub->add_option("--fov", args->fovYDegrees, "Vertical field of view of --orbit, degrees, 1 to 170")->check(CLI::Range(1.0, 170.0))
+        ->excludes(camera)->capture_default_str();
+    sub->add_option("--light", args->lights,
+                    "May be repeated; in the axes of the dataset. I, E: a number or r,g,b\n"
+                    "  point:X,Y,Z:I          radiant intensity: irradiance I / distance^2\n"
+                    "  directional:X,Y,Z:E    direction to the light, irradiance\n"
+                    "  environment:FILE.exr   equirectangular radiance, as 128 directional lights")
+        ->allow_extra_args(false)->take_all();
+    sub->add_option("--frames", args->frames, "More than 1: OUT_0000.png, OUT_0001.png, ... of one turn about the up axis")
+        ->check(wholeNumber(1, 100000))->capture_default_str();
+    sub->add_option("--spin", args->spin, "What turns with --frames")->check(CLI::IsMember({"light", "camera"}))->capture_default_str();
+    args->renderer.addTo(*sub);
+    return [args] { return runRender(*args); };
+}
+
+} // namespace nacre::cli

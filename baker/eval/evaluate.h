@@ -1,0 +1,44 @@
+// Held-out evaluation: draws every image of a split with a renderer and compares it with the reference.
+#pragma once
+
+#include "dataset/olat_dataset.h"
+#include "eval/metrics.h"
+#include "eval/splat_renderer.h"
+
+#include <functional>
+#include <vector>
+
+namespace nacre {
+
+/// Directional lights that stand for one environment map.
+constexpr int kEnvironmentDirections = 128;
+
+struct EvalOptions {
+    int timedFrames = 50;  // of the first image, after kEvalWarmupFrames; 0: no timing
+};
+constexpr int kEvalWarmupFrames = 10;
+
+/// One image of the split; the pictures live only during the callback.
+struct EvalImage {
+    size_t index = 0, count = 0;
+    const OlatImage& source;
+    const Image& reference;
+    const Image& render;
+    ImageMetrics metrics;
+};
+
+struct EvalResult {
+    std::vector<ImageMetrics> images;  // in the order of the split
+    ImageMetrics mean;                 // of the per-image values
+    double psnrMin = 0;
+    RenderTimes times;                 // zeros without timing
+};
+
+/// The lights that the renderer understands for one image: itself, or its environment map as directional lights.
+Result<std::vector<Light>> rendererLights(const Light& light);
+
+/// `done` sees each image as soon as it is measured; an error it returns (a full disk, a stop signal) ends the evaluation.
+Result<EvalResult> evaluate(const OlatSplit& split, ImageCache& references, SplatRenderer& renderer, const EvalOptions& options,
+                            const std::function<Status(const EvalImage&)>& done);
+
+} // namespace nacre
