@@ -54,8 +54,8 @@ Status validateCloud(const SplatCloud& cloud)
     if (n == 0) return bad("the asset has no splats, at least one is needed");
     if (cloud.positions.size() != n || cloud.rotations.size() != n || cloud.scales.size() != n || cloud.opacities.size() != n)
         return bad("geometry arrays disagree: " + std::to_string(n) + " splats, but " + std::to_string(cloud.positions.size()) +
-                   " positions, " + std::to_string(cloud.rotations.size()) + " rotations, " + std::to_string(cloud.scales.size()) +
-                   " scales, " + std::to_string(cloud.opacities.size()) + " opacities");
+                   " positions, " + std::to_string(cloud.rotations.size()) + " rotations, " +
+                   std::to_string(cloud.scales.size()) + " scales, " + std::to_string(cloud.opacities.size()) + " opacities");
     for (size_t i = 0; i < n; ++i) {
         const glm::vec3& s = cloud.scales[i];
         if (!finite(cloud.positions[i])) return bad("position is not finite" + atSplat(i));
@@ -72,13 +72,15 @@ Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
         const Channel& channel = asset.channels[i];
         const auto sameName = [&](const auto& other) { return channel.name == other.name; };
         const auto spec = std::find_if(model.channels.begin(), model.channels.end(), sameName);
-        if (spec == model.channels.end()) return bad("channel '" + channel.name + "' does not belong to model '" + asset.model + "'");
+        if (spec == model.channels.end())
+            return bad("channel '" + channel.name + "' does not belong to model '" + asset.model + "'");
         if (std::any_of(asset.channels.begin(), asset.channels.begin() + ptrdiff_t(i), sameName))
             return bad("channel '" + channel.name + "' appears twice");
         const std::vector<uint32_t>& sizes = spec->components;
         if (channel.components == 0 || std::find(sizes.begin(), sizes.end(), channel.components) == sizes.end())
             return bad("channel '" + channel.name + "' has " + std::to_string(channel.components) +
-                       " components per splat, accepted: " + sizesText(*spec) + (sizes[0] == 0 ? " (0: leave the channel out)" : ""));
+                       " components per splat, accepted: " + sizesText(*spec) +
+                       (sizes[0] == 0 ? " (0: leave the channel out)" : ""));
         if (channel.values.size() != asset.cloud.count * channel.components)
             return bad("channel '" + channel.name + "' has " + std::to_string(channel.values.size()) + " values, expected " +
                        std::to_string(asset.cloud.count) + " splats x " + std::to_string(channel.components));
@@ -100,7 +102,8 @@ Status validateNeutral(const SplatAsset& asset)
     if (look.sh.size() != asset.cloud.count * size_t(f))
         return bad("neutral look has " + std::to_string(look.sh.size()) + " coefficients, expected " +
                    std::to_string(asset.cloud.count) + " splats x " + std::to_string(f));
-    if (!look.sh.empty() && !allFinite(&look.sh[0].x, 3 * look.sh.size())) return bad("neutral look has a value that is not finite");
+    if (!look.sh.empty() && !allFinite(&look.sh[0].x, 3 * look.sh.size()))
+        return bad("neutral look has a value that is not finite");
     return ok();
 }
 

@@ -9,8 +9,8 @@
 #include <cstring>
 #include <fcntl.h>
 #include <memory>
-#include <system_error>
 #include <sys/stat.h>
+#include <system_error>
 #include <unistd.h>
 #include <utility>
 
@@ -25,7 +25,10 @@ struct Descriptor {
     explicit Descriptor(int value) : fd(value) {}
     Descriptor(const Descriptor&) = delete;
     Descriptor& operator=(const Descriptor&) = delete;
-    ~Descriptor() { if (fd >= 0) ::close(fd); }
+    ~Descriptor()
+    {
+        if (fd >= 0) ::close(fd);
+    }
     int close() { return ::close(std::exchange(fd, -1)); }
 };
 
@@ -35,7 +38,10 @@ bool writeAll(int fd, std::span<const std::byte> bytes)
         const ssize_t n = ::write(fd, bytes.data(), bytes.size());
         if (n < 0 && errno == EINTR) continue;
         if (n < 0) return false;
-        if (n == 0) { errno = ENOSPC; return false; }
+        if (n == 0) {
+            errno = ENOSPC;
+            return false;
+        }
         bytes = bytes.subspan(size_t(n));
     }
     return true;
@@ -43,8 +49,9 @@ bool writeAll(int fd, std::span<const std::byte> bytes)
 
 Error writeError(const std::string& path, const std::string& what, int error)
 {
-    return Error{ErrorCode::kIo, "cannot write '" + path + "': " + what + ": " + osText(error) +
-                                     (error == ENOSPC || error == EDQUOT || error == EFBIG ? "; free some space and run again" : "")};
+    return Error{ErrorCode::kIo,
+                 "cannot write '" + path + "': " + what + ": " + osText(error) +
+                     (error == ENOSPC || error == EDQUOT || error == EFBIG ? "; free some space and run again" : "")};
 }
 
 /// A device or a pipe (/dev/stdout) has no old content to protect and must not be replaced by a file.
@@ -73,7 +80,7 @@ Result<std::vector<std::byte>> readFile(const std::string& path, size_t maxBytes
     const auto fail = [&](const std::string& why) { return Error{ErrorCode::kBadInput, "cannot read '" + path + "': " + why}; };
     Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
     if (file.fd < 0) return fail(osText(errno));
-    struct stat info {};
+    struct stat info = {};
     if (::fstat(file.fd, &info) != 0) return fail(osText(errno));
     if (S_ISDIR(info.st_mode)) return fail("it is a folder, a file is needed");
 
@@ -98,7 +105,7 @@ Result<std::vector<std::byte>> readFile(const std::string& path, size_t maxBytes
 
 Status writeFileAtomically(const std::string& path, std::span<const std::byte> bytes)
 {
-    struct stat info {};
+    struct stat info = {};
     std::string target = path;
     if (::stat(path.c_str(), &info) == 0) {
         if (S_ISDIR(info.st_mode)) return writeError(path, "it is a folder", EISDIR);

@@ -1,0 +1,58 @@
+// The asset's way in and out of bytes and files: validation on both sides of the container (glb_reader.cpp, glb_writer.cpp).
+#include "asset/asset_io.h"
+
+#include "appearance/model_table.h"
+#include "asset/glb_layout.h"
+#include "base/file.h"
+
+#include <algorithm>
+
+namespace nacre {
+
+Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset)
+{
+    if (Status s = validate(asset); !s) return s.error();
+    return glb::write(asset);
+}
+
+Result<SplatAsset> decodeAsset(std::span<const std::byte> bytes)
+{
+    Result<SplatAsset> asset = glb::read(bytes);
+    if (!asset) return asset;
+    if (Status s = validate(*asset); !s) return s.error();
+    return asset;
+}
+
+Result<SplatAsset> readAsset(const std::string& path)
+{
+    const Result<std::vector<std::byte>> bytes = readFile(path);
+    if (!bytes) return bytes.error();
+    Result<SplatAsset> asset = decodeAsset(*bytes);
+    if (!asset) return Error{asset.error().code, "'" + path + "': " + asset.error().message};
+    return asset;
+}
+
+Status writeAsset(const SplatAsset& asset, const std::string& path)
+{
+    const Result<std::vector<std::byte>> bytes = encodeAsset(asset);
+    if (!bytes) return Error{bytes.error().code, "cannot write '" + path + "': " + bytes.error().message};
+    return writeFileAtomically(path, *bytes);
+}
+
+Result<AssetSummary> summarizeAsset(std::span<const std::byte> bytes)
+{
+    const Result<SplatAsset> asset = decodeAsset(bytes);
+    if (!asset) return asset.error();
+    const size_t count = asset->cloud.count;
+    const size_t neutralFunctions = size_t(std::max(1, asset->neutral.shFunctions)); // KHR demands degree 0
+
+    AssetSummary summary;
+    summary.profile = glb::kLosslessProfile;
+    summary.channels.push_back({"geometry", count * sizeof(float) * (3 + 4 + 3 + 1)});
+    summary.channels.push_back({"neutralLook", count * sizeof(float) * (3 * neutralFunctions + 4)}); // SH and COLOR_0
+    for (const Channel& channel : asset->channels)
+        summary.channels.push_back({channel.name, channel.values.size() * sizeof(float)});
+    return summary;
+}
+
+} // namespace nacre

@@ -1,0 +1,60 @@
+// Names, limits and the position hash shared by the reader and the writer of the asset. Normative text: formats/SPEC.md.
+#pragma once
+
+#include "base/result.h"
+#include "splats/splat_asset.h"
+
+#include <glm/glm.hpp>
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace nacre::glb {
+
+static_assert(std::endian::native == std::endian::little, "glTF is little-endian; this code copies floats as they are");
+
+constexpr const char* kSplatExtension = "KHR_gaussian_splatting";
+constexpr const char* kRelightExtension = "NACRE_gaussian_splatting_relight";
+constexpr int kRelightVersion = 1;
+constexpr const char* kLosslessProfile = "lossless";
+
+constexpr const char* kPosition = "POSITION";
+constexpr const char* kColor = "COLOR_0";
+constexpr const char* kRotation = "KHR_gaussian_splatting:ROTATION";
+constexpr const char* kScale = "KHR_gaussian_splatting:SCALE";
+constexpr const char* kOpacity = "KHR_gaussian_splatting:OPACITY";
+
+constexpr int kFloat = 5126;             // componentType
+constexpr size_t kMaxVertexStride = 252; // glTF 2.0, bufferView.byteStride
+
+/// Attribute of SH function i = l*l + l + m.
+inline std::string shAttribute(int i)
+{
+    int degree = 0;
+    while ((degree + 1) * (degree + 1) <= i) ++degree;
+    return "KHR_gaussian_splatting:SH_DEGREE_" + std::to_string(degree) + "_COEF_" + std::to_string(i - degree * degree);
+}
+
+/// FNV-1a 64 over the tightly packed little-endian float32 positions, as 16 lower-case hex digits: tells whether a tool has
+/// moved, reordered or dropped splats without knowing about the relighting channels.
+inline std::string positionHash(std::span<const glm::vec3> positions)
+{
+    uint64_t hash = 0xcbf29ce484222325u;
+    for (const std::byte b : std::as_bytes(positions)) hash = (hash ^ uint64_t(b)) * 0x100000001b3u;
+    char text[17];
+    std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+    return text;
+}
+
+/// The asset must be valid.
+Result<std::vector<std::byte>> write(const SplatAsset& asset);
+
+/// The result has the shape the file claims; the values are not validated yet.
+Result<SplatAsset> read(std::span<const std::byte> bytes);
+
+} // namespace nacre::glb

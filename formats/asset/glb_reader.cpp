@@ -1,0 +1,432 @@
+// .glb bytes -> SplatAsset. The bytes are untrusted: every length, index and offset is checked before it is used, and nothing is
+// allocated before the file is known to hold that many bytes.
+//
+// The JSON chunk is parsed with nlohmann-json rather than read by tinygltf: tinygltf resolves URIs, decodes images, copies the
+// whole BIN chunk and, as Debian builds it, has live asserts on the way. An asset needs a dozen properties; reading exactly those
+// keeps the attack surface in this file.
+//
+// Inside this file a fault is thrown (`Fault`) and becomes an Error at the one way out, read(): the parsing code then reads
+// like the list of what an asset must have.
+#include "asset/glb_layout.h"
+
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <new>
+#include <string_view>
+
+namespace nacre::glb {
+namespace {
+
+using nlohmann::json;
+
+constexpr size_t kMaxJsonBytes = size_t(4) << 20; // ours is under 20 kB; a parsed tree takes about 30 times its text
+constexpr int kMaxJsonDepth = 64;                 // ours is 9
+
+struct Fault {
+    ErrorCode code;
+    std::string message;
+};
+
+[[noreturn]] void bad(const std::string& message) { throw Fault{ErrorCode::kBadInput, message}; }
+[[noreturn]] void unsupported(const std::string& message) { throw Fault{ErrorCode::kUnsupported, message}; }
+
+/// Text from the file, fit for a one-line message.
+std::string inQuotes(std::string_view text)
+{
+    std::string line(text.substr(0, 80));
+    for (char& c : line)
+        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+    return "'" + line + "'";
+}
+
+// ---- GLB container ----------------------------------------------------------------------------------------------------------
+
+struct Chunks {
+    std::string_view json;
+    std::span<const std::byte> bin;
+};
+
+uint32_t u32At(std::span<const std::byte> bytes, size_t offset)
+{
+    uint32_t value;
+    std::memcpy(&value, bytes.data() + offset, 4);
+    return value;
+}
+
+Chunks splitChunks(std::span<const std::byte> bytes)
+{
+    constexpr uint32_t kMagic = 0x46546C67, kJson = 0x4E4F534A, kBin = 0x004E4942;
+    const std::string size = std::to_string(bytes.size());
+    if (bytes.size() < 20) bad("not a .glb: " + size + " bytes, the headers alone take 20");
+    if (u32At(bytes, 0) != kMagic) bad("not a .glb: it does not begin with 'glTF'");
+    if (u32At(bytes, 4) != 2) unsupported("GLB version " + std::to_string(u32At(bytes, 4)) + ", expected 2");
+    if (u32At(bytes, 8) != bytes.size())
+        bad("the GLB header says " + std::to_string(u32At(bytes, 8)) + " bytes, the file has " + size + " (truncated?)");
+
+    Chunks chunks;
+    size_t offset = 12;
+    for (int i = 0; offset < bytes.size(); ++i) {
+        if (bytes.size() - offset < 8) bad("GLB chunk header cut off at byte " + std::to_string(offset));
+        const size_t length = u32At(bytes, offset);
+        const uint32_t type = u32At(bytes, offset + 4);
+        offset += 8;
+        if (length > bytes.size() - offset)
+            bad("GLB chunk " + std::to_string(i) + " needs " + std::to_string(length) + " bytes, " +
+                std::to_string(bytes.size() - offset) + " left");
+        if ((type == kJson) != (i == 0)) bad("the first GLB chunk, and only that one, must be JSON");
+        if (type == kBin && i != 1) bad("the binary GLB chunk must be the second");
+        if (type == kJson) chunks.json = {reinterpret_cast<const char*>(bytes.data() + offset), length};
+        if (type == kBin) chunks.bin = bytes.subspan(offset, length);
+        offset += length; // chunks of other types are skipped, as glTF demands
+        if (offset % 4 != 0) bad("GLB chunk " + std::to_string(i) + " is not padded to 4 bytes");
+    }
+    return chunks;
+}
+
+/// Bounds size and nesting before the parser sees the text.
+json parseJson(std::string_view text)
+{
+    if (text.size() > kMaxJsonBytes)
+        bad("the JSON chunk has " + std::to_string(text.size()) + " bytes, at most " + std::to_string(kMaxJsonBytes) +
+            " are accepted");
+    int depth = 0;
+    bool inString = false;
+    for (size_t i = 0; i < text.size(); ++i) {
+        const char c = text[i];
+        if (inString) {
+            if (c == '\\')
+                ++i;
+            else if (c == '"')
+                inString = false;
+        } else if (c == '"') {
+            inString = true;
+        } else if (c == '{' || c == '[') {
+            if (++depth > kMaxJsonDepth) bad("the JSON chunk is nested deeper than " + std::to_string(kMaxJsonDepth) + " levels");
+        } else if (c == '}' || c == ']') {
+            --depth;
+        }
+    }
+    json document = json::parse(text, nullptr, /*allow_exceptions*/ false);
+    if (!document.is_object()) bad("the JSON chunk is not a JSON object");
+    return document;
+}
+
+// ---- JSON access --------------------------------------------------------------------------------------------------------------
+
+const json* find(const json& object, const char* key)
+{
+    if (!object.is_object()) return nullptr;
+    const auto it = object.find(key);
+    return it == object.end() ? nullptr : &*it;
+}
+
+const json& need(const json& object, const char* key, const std::string& where)
+{
+    const json* value = find(object, key);
+    if (!value) bad(where + " has no '" + key + "'");
+    return *value;
+}
+
+size_t toSize(const json& value, const std::string& where)
+{
+    if (!value.is_number_unsigned()) bad(where + " is not a non-negative integer");
+    return value.get<size_t>();
+}
+
+size_t needSize(const json& object, const char* key, const std::string& where)
+{
+    return toSize(need(object, key, where), where + "." + key);
+}
+
+size_t sizeOr(const json& object, const char* key, size_t absent, const std::string& where)
+{
+    const json* value = find(object, key);
+    return value ? toSize(*value, where + "." + key) : absent;
+}
+
+float toFloat(const json& value, const std::string& where)
+{
+    const double number = value.is_number() ? value.get<double>() : NAN;
+    if (!(std::abs(number) <= double(std::numeric_limits<float>::max()))) bad(where + " is not a finite number");
+    return float(number);
+}
+
+std::string needString(const json& object, const char* key, const std::string& where)
+{
+    const json& value = need(object, key, where);
+    if (!value.is_string()) bad(where + "." + key + " is not a string");
+    return value.get<std::string>();
+}
+
+/// Element `index` of the document's array `key`.
+const json& element(const json& document, const char* key, size_t index)
+{
+    const json& array = need(document, key, "the glTF");
+    const std::string what = std::string(key) + "[" + std::to_string(index) + "]";
+    if (!array.is_array() || index >= array.size()) bad(what + " does not exist");
+    if (!array[index].is_object()) bad(what + " is not an object");
+    return array[index];
+}
+
+// ---- Bytes
+// ----------------------------------------------------------------------------------------------------------------------
+
+struct View {
+    std::span<const std::byte> bytes;
+    size_t stride; // 0: tight
+};
+
+View bufferView(const json& document, std::span<const std::byte> bin, size_t index)
+{
+    const std::string where = "bufferViews[" + std::to_string(index) + "]";
+    const json& view = element(document, "bufferViews", index);
+    if (const size_t buffer = needSize(view, "buffer", where); buffer != 0)
+        unsupported(where + " lies in buffer " + std::to_string(buffer) + ", only the binary chunk (buffer 0) is read");
+    const json& buffer = element(document, "buffers", 0);
+    if (find(buffer, "uri")) unsupported("buffers[0] has a URI, only the binary chunk of the .glb is read");
+    const size_t total = needSize(buffer, "byteLength", "buffers[0]");
+    if (total > bin.size())
+        bad("buffers[0] claims " + std::to_string(total) + " bytes, the binary chunk has " + std::to_string(bin.size()));
+
+    const size_t offset = sizeOr(view, "byteOffset", 0, where);
+    const size_t length = needSize(view, "byteLength", where);
+    if (offset > total || length > total - offset)
+        bad(where + " claims bytes " + std::to_string(offset) + " + " + std::to_string(length) + ", the buffer has " +
+            std::to_string(total));
+    return {bin.subspan(offset, length), sizeOr(view, "byteStride", 0, where)};
+}
+
+/// Rows of `components` floats, `stride` bytes apart, known to lie in the file. Rows do not overlap.
+struct Rows {
+    const std::byte* data;
+    size_t stride, count;
+    int components;
+    void copy(size_t row, float* out) const { std::memcpy(out, data + row * stride, 4 * size_t(components)); }
+};
+
+Rows attribute(const json& document, std::span<const std::byte> bin, const json& attributes, const std::string& name,
+               const char* type, int components)
+{
+    const size_t index = needSize(attributes, name.c_str(), "the splat primitive");
+    const std::string where = "accessors[" + std::to_string(index) + "] (" + name + ")";
+    const json& accessor = element(document, "accessors", index);
+    if (const std::string found = needString(accessor, "type", where); found != type)
+        bad(where + " has type " + inQuotes(found) + ", expected " + type);
+    const json* normalized = find(accessor, "normalized");
+    if (needSize(accessor, "componentType", where) != kFloat || (normalized && *normalized != json(false)))
+        unsupported(where + " is not float32; the lossless profile stores floats only (was the file quantised by a tool?)");
+    if (find(accessor, "sparse")) unsupported(where + " is sparse, which is not read");
+
+    const size_t count = needSize(accessor, "count", where);
+    const View view = bufferView(document, bin, needSize(accessor, "bufferView", where));
+    const size_t offset = sizeOr(accessor, "byteOffset", 0, where);
+    const size_t row = 4 * size_t(components);
+    const size_t stride = view.stride ? view.stride : row;
+    if (stride < row || stride > kMaxVertexStride || stride % 4 != 0)
+        bad(where + " has a stride of " + std::to_string(stride) + " bytes, expected a multiple of 4 from " +
+            std::to_string(row) + " to " + std::to_string(kMaxVertexStride));
+    const size_t length = view.bytes.size();
+    if (count == 0) bad(where + " is empty");
+    if (offset > length || row > length - offset || count - 1 > (length - offset - row) / stride)
+        bad(where + " claims " + std::to_string(count) + " rows of " + std::to_string(stride) + " bytes from byte " +
+            std::to_string(offset) + ", its buffer view has " + std::to_string(length));
+    return {view.bytes.data() + offset, stride, count, components};
+}
+
+// ---- The asset
+// ------------------------------------------------------------------------------------------------------------------
+
+struct SplatPrimitive {
+    size_t mesh = 0;
+    const json* primitive = nullptr;
+    const json* splatting = nullptr; // KHR_gaussian_splatting
+    const json* relight = nullptr;   // NACRE_gaussian_splatting_relight
+};
+
+SplatPrimitive findSplats(const json& document)
+{
+    SplatPrimitive found;
+    const json* meshes = find(document, "meshes");
+    for (size_t m = 0; meshes && meshes->is_array() && m < meshes->size(); ++m) {
+        const json* primitives = find((*meshes)[m], "primitives");
+        if (!primitives || !primitives->is_array()) continue;
+        for (const json& primitive : *primitives) {
+            const json* extensions = find(primitive, "extensions");
+            const json* splatting = extensions ? find(*extensions, kSplatExtension) : nullptr;
+            if (!splatting) continue;
+            if (found.splatting) unsupported("the file holds several splat primitives, one is expected");
+            found.mesh = m;
+            found.primitive = &primitive;
+            found.splatting = splatting;
+        }
+    }
+    if (!found.splatting)
+        bad("a glTF file without Gaussian splats (KHR_gaussian_splatting); expected an asset written by 'nacre bake'");
+    const json* nested = find(*found.splatting, "extensions");
+    found.relight = nested ? find(*nested, kRelightExtension) : nullptr;
+    if (!found.relight)
+        bad(std::string("a splat file without Nacre relighting data (") + kRelightExtension +
+            "); expected an asset written by 'nacre bake'");
+    return found;
+}
+
+void checkHeader(const json& document, const SplatPrimitive& splats)
+{
+    if (const json* required = find(document, "extensionsRequired"))
+        for (const json& name : *required)
+            if (name != kSplatExtension && name != kRelightExtension)
+                unsupported("the file requires the glTF extension " +
+                            (name.is_string() ? inQuotes(name.get<std::string>()) : "(not a string)") + ", which is not read");
+
+    const std::string where = kRelightExtension;
+    const size_t version = needSize(*splats.relight, "version", where);
+    if (version != kRelightVersion)
+        unsupported(where + " has version " + std::to_string(version) + ", this build reads " + std::to_string(kRelightVersion) +
+                    (version > kRelightVersion ? "; update Nacre" : ""));
+    const auto expect = [](const json& object, const char* key, const char* value, const std::string& at) {
+        if (const std::string found = needString(object, key, at); found != value)
+            unsupported(at + "." + key + " is " + inQuotes(found) + ", this build reads '" + value + "'");
+    };
+    expect(*splats.relight, "profile", kLosslessProfile, where);
+    expect(*splats.relight, "lightUnits", "KHR_lights_punctual", where);
+    expect(need(*splats.relight, "screenFilter", where), "type", "mip", where + ".screenFilter");
+    expect(*splats.splatting, "kernel", "ellipse", kSplatExtension);
+    expect(*splats.splatting, "colorSpace", "lin_rec709_display", kSplatExtension);
+    if (sizeOr(*splats.primitive, "mode", 4, "the splat primitive") != 0) bad("the splat primitive's mode is not 0 (POINTS)");
+}
+
+/// The rotation of the first node that shows the mesh. Other placement (translation, scale, parents) belongs to the scene the
+/// file was put into, not to the asset.
+glm::quat nodeRotation(const json& document, size_t mesh)
+{
+    const json* nodes = find(document, "nodes");
+    for (size_t n = 0; nodes && nodes->is_array() && n < nodes->size(); ++n) {
+        const json& node = (*nodes)[n];
+        const std::string where = "nodes[" + std::to_string(n) + "]";
+        const json* shows = find(node, "mesh");
+        if (!shows || toSize(*shows, where + ".mesh") != mesh) continue;
+        if (find(node, "matrix")) unsupported(where + " has a matrix, expected a rotation");
+        const json* r = find(node, "rotation");
+        if (!r) break;
+        if (!r->is_array() || r->size() != 4) bad(where + ".rotation does not have 4 numbers");
+        const auto component = [&](size_t i) { return toFloat((*r)[i], where + ".rotation"); };
+        return glm::quat(component(3), component(0), component(1), component(2));
+    }
+    return glm::quat(1, 0, 0, 0);
+}
+
+SplatCloud readCloud(const json& document, std::span<const std::byte> bin, const json& attributes, size_t count)
+{
+    const auto rowsOf = [&](const char* name, const char* type, int components) {
+        const Rows rows = attribute(document, bin, attributes, name, type, components);
+        if (rows.count != count)
+            bad(std::string(name) + " has " + std::to_string(rows.count) + " rows, " + kRelightExtension + ".count is " +
+                std::to_string(count));
+        return rows;
+    };
+    const Rows positions = rowsOf(kPosition, "VEC3", 3), rotations = rowsOf(kRotation, "VEC4", 4);
+    const Rows scales = rowsOf(kScale, "VEC3", 3), opacities = rowsOf(kOpacity, "SCALAR", 1);
+
+    SplatCloud cloud;
+    cloud.count = count;
+    cloud.positions.resize(count);
+    cloud.rotations.resize(count);
+    cloud.scales.resize(count);
+    cloud.opacities.resize(count);
+    for (size_t i = 0; i < count; ++i) {
+        float xyzw[4];
+        positions.copy(i, &cloud.positions[i].x);
+        rotations.copy(i, xyzw);
+        cloud.rotations[i] = glm::quat(xyzw[3], xyzw[0], xyzw[1], xyzw[2]);
+        scales.copy(i, &cloud.scales[i].x);
+        opacities.copy(i, &cloud.opacities[i]);
+    }
+    return cloud;
+}
+
+NeutralLook readNeutralLook(const json& document, std::span<const std::byte> bin, const json& attributes, const json& relight,
+                            size_t count)
+{
+    const size_t functions = needSize(relight, "neutralFunctions", kRelightExtension);
+    if (functions > 16) bad("neutralFunctions is " + std::to_string(functions) + ", expected 0, 1, 4, 9 or 16");
+    std::vector<Rows> rows;
+    for (size_t f = 0; f < functions; ++f) {
+        rows.push_back(attribute(document, bin, attributes, shAttribute(int(f)), "VEC3", 3));
+        if (rows[f].count != count)
+            bad(shAttribute(int(f)) + " has " + std::to_string(rows[f].count) + " rows, expected " + std::to_string(count));
+    }
+    NeutralLook look;
+    look.shFunctions = int(functions);
+    look.sh.resize(count * functions);
+    for (size_t i = 0; i < count; ++i)
+        for (size_t f = 0; f < functions; ++f) rows[f].copy(i, &look.sh[i * functions + f].x);
+    return look;
+}
+
+Channel readChannel(const json& document, std::span<const std::byte> bin, const json& entry, size_t index, size_t count)
+{
+    const std::string where = "channels[" + std::to_string(index) + "]";
+    Channel channel;
+    channel.name = needString(entry, "name", where);
+    const std::string at = where + " (" + inQuotes(channel.name) + ")";
+    if (needSize(entry, "componentType", at) != kFloat) unsupported(at + " is not float32, which the lossless profile demands");
+    const size_t components = needSize(entry, "components", at);
+    const View view = bufferView(document, bin, needSize(entry, "bufferView", at));
+    const size_t available = view.bytes.size() / 4; // floats; dividing keeps the products below from overflowing
+    if (components == 0 || components > available / count || view.bytes.size() != 4 * count * components)
+        bad(at + " has " + std::to_string(view.bytes.size()) + " bytes, expected " + std::to_string(count) + " splats x " +
+            std::to_string(components) + " floats");
+    channel.components = uint32_t(components);
+    channel.values.resize(count * components);
+    std::memcpy(channel.values.data(), view.bytes.data(), view.bytes.size());
+    return channel;
+}
+
+SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
+{
+    const Chunks chunks = splitChunks(bytes);
+    const json document = parseJson(chunks.json);
+    const SplatPrimitive splats = findSplats(document);
+    checkHeader(document, splats);
+
+    const json& relight = *splats.relight;
+    const json& attributes = need(*splats.primitive, "attributes", "the splat primitive");
+    SplatAsset asset;
+    asset.model = needString(relight, "model", kRelightExtension);
+    asset.bakedWith = needString(relight, "bakedWith", kRelightExtension);
+    asset.lowPassVariance =
+        toFloat(need(need(relight, "screenFilter", kRelightExtension), "variance", "screenFilter"), "screenFilter.variance");
+    asset.yUpFromAsset = nodeRotation(document, splats.mesh);
+
+    const size_t count = needSize(relight, "count", kRelightExtension);
+    asset.cloud = readCloud(document, chunks.bin, attributes, count);
+    if (needString(relight, "positionHash", kRelightExtension) != positionHash(asset.cloud.positions))
+        bad("relighting data belong to other positions (edited by a tool?); take the file as 'nacre bake' wrote it");
+    asset.neutral = readNeutralLook(document, chunks.bin, attributes, relight, count);
+
+    const json& channels = need(relight, "channels", kRelightExtension);
+    if (!channels.is_array() || channels.size() > 64) bad("channels is not an array of at most 64 entries");
+    for (size_t i = 0; i < channels.size(); ++i)
+        asset.channels.push_back(readChannel(document, chunks.bin, channels[i], i, count));
+    return asset;
+}
+
+} // namespace
+
+Result<SplatAsset> read(std::span<const std::byte> bytes)
+{
+    try {
+        return readAssetOrThrow(bytes);
+    } catch (const Fault& fault) {
+        return Error{fault.code, fault.message};
+    } catch (const std::bad_alloc&) {
+        return Error{ErrorCode::kIo, "out of memory while reading an asset of " + std::to_string(bytes.size()) + " bytes"};
+    } catch (const json::exception& e) { // nothing above should get here; a parser's surprise is still only a bad file
+        return Error{ErrorCode::kBadInput, std::string("broken JSON: ") + e.what()};
+    }
+}
+
+} // namespace nacre::glb

@@ -1,0 +1,242 @@
+// SplatAsset -> .glb bytes, through tinygltf (the only file that knows it; Debian ships its implementation as a shared library,
+// so no TINYGLTF_IMPLEMENTATION here). Layout: formats/SPEC.md. Deterministic: maps are ordered, floats print as shortest text.
+#include "asset/glb_layout.h"
+
+#include <tiny_gltf.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+#include <exception>
+#include <limits>
+#include <sstream>
+
+namespace nacre::glb {
+namespace {
+
+using tinygltf::Value;
+
+/// The double that prints as the shortest text which still reads back as `x` (0.1, not 0.10000000149011612).
+double shortest(float x)
+{
+    char text[32];
+    const auto end = std::to_chars(text, text + sizeof text, x).ptr;
+    double d = 0;
+    std::from_chars(text, end, d);
+    return float(d) == x ? d : double(x);
+}
+
+/// Builds the one buffer and everything that points into it.
+class Writer {
+public:
+    explicit Writer(const SplatAsset& asset) : asset_(asset), count_(asset.cloud.count) { model_.buffers.emplace_back(); }
+
+    tinygltf::Model build()
+    {
+        writeGeometry();
+        writeNeutralLook();
+        writeRelightChannels();
+        writeScene();
+        return std::move(model_);
+    }
+
+private:
+    /// A new zeroed bufferView at the end of the buffer; returns its index. All sizes are multiples of 4.
+    int addView(const std::string& name, size_t byteLength, size_t byteStride)
+    {
+        std::vector<unsigned char>& data = model_.buffers[0].data;
+        tinygltf::BufferView view;
+        view.name = name;
+        view.buffer = 0;
+        view.byteOffset = data.size();
+        view.byteLength = byteLength;
+        view.byteStride = byteStride;
+        if (byteStride) view.target = TINYGLTF_TARGET_ARRAY_BUFFER; // vertex attributes only
+        data.resize(data.size() + byteLength);
+        model_.bufferViews.push_back(std::move(view));
+        return int(model_.bufferViews.size()) - 1;
+    }
+
+    /// Valid until the next addView.
+    float* floatsOf(int view)
+    {
+        return reinterpret_cast<float*>(model_.buffers[0].data.data() + model_.bufferViews[size_t(view)].byteOffset);
+    }
+
+    tinygltf::Accessor& addAttribute(const std::string& name, int view, size_t byteOffset, int type)
+    {
+        tinygltf::Accessor accessor;
+        accessor.bufferView = view;
+        accessor.byteOffset = byteOffset;
+        accessor.componentType = kFloat;
+        accessor.type = type;
+        accessor.count = count_;
+        primitive_.attributes[name] = int(model_.accessors.size());
+        return model_.accessors.emplace_back(std::move(accessor));
+    }
+
+    /// One tight attribute of `components` floats per splat; `at(i)` gives the address of splat i's.
+    template <class At> tinygltf::Accessor& writeAttribute(const char* name, int components, int type, At at)
+    {
+        const size_t bytes = 4 * size_t(components);
+        const int view = addView(name, bytes * count_, bytes);
+        float* out = floatsOf(view);
+        for (size_t i = 0; i < count_; ++i) std::memcpy(out + i * size_t(components), at(i), bytes);
+        return addAttribute(name, view, 0, type);
+    }
+
+    void writeGeometry()
+    {
+        const SplatCloud& cloud = asset_.cloud;
+        glm::vec3 lo = cloud.positions[0], hi = lo;
+        for (const glm::vec3& p : cloud.positions) {
+            lo = glm::min(lo, p);
+            hi = glm::max(hi, p);
+        }
+        tinygltf::Accessor& position =
+            writeAttribute(kPosition, 3, TINYGLTF_TYPE_VEC3, [&](size_t i) { return &cloud.positions[i].x; });
+        position.minValues = {lo.x, lo.y, lo.z};
+        position.maxValues = {hi.x, hi.y, hi.z};
+
+        glm::vec4 xyzw;
+        writeAttribute(kRotation, 4, TINYGLTF_TYPE_VEC4, [&](size_t i) {
+            const glm::quat& q = cloud.rotations[i];
+            xyzw = {q.x, q.y, q.z, q.w};
+            return &xyzw.x;
+        });
+        writeAttribute(kScale, 3, TINYGLTF_TYPE_VEC3, [&](size_t i) { return &cloud.scales[i].x; });
+        writeAttribute(kOpacity, 1, TINYGLTF_TYPE_SCALAR, [&](size_t i) { return &cloud.opacities[i]; });
+    }
+
+    /// KHR demands degree 0, so an asset without a neutral look gets a zero coefficient (mid grey in other viewers) and the
+    /// extension's neutralFunctions = 0 tells our reader.
+    void writeNeutralLook()
+    {
+        const NeutralLook& look = asset_.neutral;
+        const std::vector<glm::vec3> none(look.shFunctions == 0 ? count_ : 0, glm::vec3(0.0f));
+        const std::vector<glm::vec3>& sh = look.shFunctions == 0 ? none : look.sh;
+        const size_t functions = std::max<size_t>(1, size_t(look.shFunctions));
+
+        const size_t stride = functions * sizeof(glm::vec3); // interleaved: at most 192 bytes
+        const int view = addView("neutral look SH", stride * count_, stride);
+        std::memcpy(floatsOf(view), sh.data(), stride * count_);
+        for (size_t f = 0; f < functions; ++f) addAttribute(shAttribute(int(f)), view, f * sizeof(glm::vec3), TINYGLTF_TYPE_VEC3);
+
+        // For viewers that know no splats at all: coloured points.
+        glm::vec4 color;
+        writeAttribute(kColor, 4, TINYGLTF_TYPE_VEC4, [&](size_t i) {
+            const glm::vec3 rgb = glm::clamp(0.5f + 0.28209479177387814f * sh[i * functions], 0.0f, 1.0f);
+            color = glm::vec4(rgb, asset_.cloud.opacities[i]);
+            return &color.x;
+        });
+    }
+
+    void writeRelightChannels()
+    {
+        Value::Array channels;
+        for (const Channel& channel : asset_.channels) {
+            const size_t bytes = channel.values.size() * sizeof(float);
+            const int view = addView(channel.name, bytes, 0);
+            std::memcpy(floatsOf(view), channel.values.data(), bytes);
+            channels.emplace_back(Value::Object{{"name", Value(channel.name)},
+                                                {"components", Value(int(channel.components))},
+                                                {"componentType", Value(kFloat)},
+                                                {"bufferView", Value(view)}});
+        }
+        const Value relight(Value::Object{
+            {"version", Value(kRelightVersion)},
+            {"model", Value(asset_.model)},
+            {"profile", Value(std::string(kLosslessProfile))},
+            {"count", Value(int(count_))},
+            {"positionHash", Value(positionHash(asset_.cloud.positions))},
+            {"screenFilter",
+             Value(Value::Object{{"type", Value(std::string("mip"))}, {"variance", Value(shortest(asset_.lowPassVariance))}})},
+            {"neutralFunctions", Value(asset_.neutral.shFunctions)},
+            {"lightUnits", Value(std::string("KHR_lights_punctual"))},
+            {"channels", Value(std::move(channels))},
+            {"bakedWith", Value(asset_.bakedWith)}});
+        primitive_.extensions[kSplatExtension] =
+            Value(Value::Object{{"kernel", Value(std::string("ellipse"))},
+                                {"colorSpace", Value(std::string("lin_rec709_display"))},
+                                {"projection", Value(std::string("perspective"))},
+                                {"sortingMethod", Value(std::string("cameraDistance"))},
+                                {"extensions", Value(Value::Object{{kRelightExtension, relight}})}});
+    }
+
+    void writeScene()
+    {
+        primitive_.mode = TINYGLTF_MODE_POINTS;
+        tinygltf::Mesh mesh;
+        mesh.primitives.push_back(std::move(primitive_));
+        model_.meshes.push_back(std::move(mesh));
+
+        const glm::quat& q = asset_.yUpFromAsset;
+        tinygltf::Node node;
+        node.mesh = 0;
+        node.rotation = {shortest(q.x), shortest(q.y), shortest(q.z), shortest(q.w)};
+        model_.nodes.push_back(std::move(node));
+        tinygltf::Scene scene;
+        scene.nodes = {0};
+        model_.scenes.push_back(std::move(scene));
+        model_.defaultScene = 0;
+        model_.asset.version = "2.0";
+        model_.asset.generator = "Nacre";
+        model_.extensionsUsed = {kSplatExtension, kRelightExtension};
+    }
+
+    const SplatAsset& asset_;
+    const size_t count_;
+    tinygltf::Model model_;
+    tinygltf::Primitive primitive_;
+};
+
+/// Collects the stream in the vector we return, without the extra copy of an ostringstream.
+class VectorBuffer : public std::streambuf {
+public:
+    std::vector<std::byte> bytes;
+
+private:
+    std::streamsize xsputn(const char* s, std::streamsize n) override
+    {
+        const auto* p = reinterpret_cast<const std::byte*>(s);
+        bytes.insert(bytes.end(), p, p + n);
+        return n;
+    }
+    int_type overflow(int_type c) override
+    {
+        bytes.push_back(std::byte(c));
+        return c;
+    }
+};
+
+/// Chunk lengths of a .glb are 32 bit and tinygltf counts some things in int; 64 MiB are kept for the JSON and the headers.
+uint64_t bufferBytes(const SplatAsset& asset)
+{
+    uint64_t floats = 3 + 4 + 3 + 1 + 4 + 3 * uint64_t(std::max(1, asset.neutral.shFunctions));
+    for (const Channel& channel : asset.channels) floats += channel.components;
+    return 4 * floats * asset.cloud.count;
+}
+constexpr uint64_t kMaxBufferBytes = std::numeric_limits<uint32_t>::max() - (uint64_t(64) << 20);
+
+} // namespace
+
+Result<std::vector<std::byte>> write(const SplatAsset& asset)
+{
+    if (bufferBytes(asset) > kMaxBufferBytes)
+        return Error{ErrorCode::kUnsupported, "the asset needs " + std::to_string(bufferBytes(asset) >> 20) +
+                                                  " MiB, a .glb holds at most 4 GiB; bake with fewer splats (--max-splats)"};
+    try {
+        const tinygltf::Model model = Writer(asset).build();
+        VectorBuffer buffer;
+        buffer.bytes.reserve(model.buffers[0].data.size() + (size_t(1) << 16));
+        std::ostream stream(&buffer);
+        tinygltf::TinyGLTF gltf;
+        if (!gltf.WriteGltfSceneToStream(&model, stream, /*prettyPrint*/ false, /*writeBinary*/ true) || !stream)
+            return Error{ErrorCode::kIo, "tinygltf could not serialise the asset"};
+        return std::move(buffer.bytes);
+    } catch (const std::exception& e) { // a name that is not UTF-8; out of memory
+        return Error{ErrorCode::kBadInput, std::string("cannot serialise the asset: ") + e.what()};
+    }
+}
+
+} // namespace nacre::glb
