@@ -1,0 +1,44 @@
+#!/usr/bin/env bash
+# From nothing to relit pictures: builds Nacre, bakes the embedded sample, compares it with held-out images and circles a light
+# around it. Leaves everything in demo-out/. A second run keeps the build and the asset; delete demo-out/ to bake again.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+dataset=samples/data/bunny_wax_tiny
+out=demo-out
+nacre=build/baker/nacre
+
+tests/packages.sh
+echo "== build"
+cmake --preset release
+cmake --build build --target nacre
+mkdir -p "$out/frames"
+
+if [ -s "$out/bunny.glb" ] && [ -s "$out/bake.json" ]; then
+    echo "== bake: $out/bunny.glb is there already (delete $out to bake again)"
+else
+    echo "== bake: about 1.5 minutes"
+    "$nacre" bake "$dataset" -o "$out/bunny.glb" --minutes 1.5 --json "$out/bake.json"
+fi
+
+echo "== compare with held-out cameras and lights"
+"$nacre" eval "$out/bunny.glb" "$dataset" --split test --images "$out/sheets" --json "$out/eval.json"
+
+echo "== circle a light around it"
+"$nacre" render "$out/bunny.glb" -o "$out/frames/light.png" --camera "$dataset:test:0" --size 256x256 --frames 24
+
+# value KEY FILE: a number or a string of a JSON file as nacre writes it, one key a line
+value() { sed -n "s/^  \"$1\": \(.*[^,]\),\{0,1\}\$/\1/p" "$2"; }
+cat > "$out/summary.txt" <<END
+sample            $dataset
+held-out images   $(value images "$out/eval.json") (cameras and lights that training never saw)
+PSNR              $(value psnr "$out/eval.json") dB whole image, $(value psnr_masked "$out/eval.json") dB on the object
+SSIM              $(value ssim "$out/eval.json")
+bake              $(value seconds "$out/bake.json") s, $(value iterations "$out/bake.json") iterations
+splats            $(value splats "$out/eval.json")
+asset             $(value asset_bytes "$out/eval.json") bytes, $(value bytes_per_splat "$out/eval.json") per splat
+frame             $(value ms_per_frame "$out/eval.json") ms with $(value drawn_by "$out/eval.json")
+END
+echo "== $out/summary.txt"
+cat "$out/summary.txt"
+echo "contact sheets (reference | render | 4x error): $out/sheets; frames: $out/frames; asset: $out/bunny.glb"
