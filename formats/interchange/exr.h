@@ -4,13 +4,22 @@
 #include "base/image.h"
 #include "base/result.h"
 
+#include <cstddef>
+#include <span>
 #include <string>
 
 namespace nacre {
 
 /// RGB or RGBA scanline/tiled EXR, half or float, as stored (no colour or alpha conversion; alpha = 1 if absent).
+/// The image covers the display window; where the data window does not reach, pixels are 0.
 /// Errors kBadInput: unreadable, missing R/G/B, NaN or infinite pixels, absurd size.
 Result<Image> readExr(const std::string& path);
+
+/// The same from memory. `name` stands for the file in error messages.
+Result<Image> decodeExr(std::span<const std::byte> bytes, const std::string& name);
+
+/// Width and height only: `rgba` stays empty.
+Result<Image> readExrSize(const std::string& path);
 
 /// Half-float RGBA, ZIP compression, written atomically. Values beyond the half range are an error kBadInput.
 Status writeExr(const Image& image, const std::string& path);

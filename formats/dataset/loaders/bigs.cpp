@@ -1,0 +1,84 @@
+// The convention of the BiGS dataset (rendered with Mitsuba): one folder per light.
+//
+//   olat_<i>/transforms_train.json: camera_angle_x, fl_x, fl_y, cx, cy, w, h at top level, each may be overridden per frame; frames:
+//     file_path (with extension, relative to the folder), transform_matrix (camera-to-world, OpenGL),
+//     light {position, intensity: scalar or [r, g, b]}, irradiance = intensity / r^2
+// Light positions are in Mitsuba's frame: half a turn about +Y away from the cameras', so they are multiplied by (-1, +1, -1).
+// Images: linear EXR, straight alpha. World +Y up.
+// Splits: the published sets light every training camera with each training light and give each test light one camera of its own;
+// so a light folder with more than one camera belongs to "train", with one camera to "test". olat_all_on (all lights at once, for
+// the authors' geometry stage) is not used. Masks are not used: coverage is the alpha of the EXR.
+#include "dataset/loader.h"
+
+namespace nacre {
+namespace {
+
+const glm::vec3 kWorldFromLightFrame(-1.0f, 1.0f, -1.0f);
+
+Status rejectDistortion(const Description& description, const JsonNode& frame)
+{
+    for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"})
+        for (const JsonNode& scope : {frame, description.json.root()}) {
+            const JsonNode k = scope[key];
+            if (k.exists() && k.number() != 0.0)
+                return Error{ErrorCode::kUnsupported, description.json.name() + ": " + k.where() +
+                                                          ": lens distortion; undistort the images to a pinhole camera first"};
+        }
+    return ok();
+}
+
+void readSize(const JsonNode& frame, const JsonNode& top, const char* key, int& size)
+{
+    const JsonNode node = frame[key].exists() ? frame[key] : top[key];
+    if (node.exists()) size = node.integer(1, 65536);
+}
+
+} // namespace
+
+bool isBigs(const DatasetSource& source)
+{
+    return !source.descriptions.empty() && source.descriptions.front().folder.starts_with("olat_");
+}
+
+Status loadBigs(const DatasetSource& source, OlatDataset& out)
+{
+    SplitBuilder train("train"), test("test");
+    SizeFromFirstImage sizeFromImage(source);
+    for (const Description& description : source.descriptions) {
+        const JsonNode top = description.json.root();
+        SplitBuilder folder(""); // counts this light's cameras
+        for (const JsonNode& frame : description.frames().items()) {
+            if (Status s = rejectDistortion(description, frame); !s) return s;
+            const std::string path = findImage(source, description.folder, frame["file_path"].string(), frame["file_path"]);
+            if (description.json.failed()) return description.json.error();
+            if (!path.ends_with(".exr"))
+                return Error{ErrorCode::kUnsupported, description.json.name() + ": " + frame["file_path"].where() +
+                                                          ": expected a linear .exr, found " + inQuotes(path)};
+            Camera camera;
+            readSize(frame, top, "w", camera.width);
+            readSize(frame, top, "h", camera.height);
+            if (camera.width == 0 || camera.height == 0)
+                if (Status s = sizeFromImage.apply(path, camera); !s) return s;
+            readIntrinsics(frame, top, camera);
+            camera.worldFromCamera = readPose(frame["transform_matrix"]);
+            Light light;
+            light.position = readVec3(frame["light"]["position"]) * kWorldFromLightFrame;
+            light.intensity = readIntensity(frame["light"]["intensity"]);
+            if (description.json.failed()) return description.json.error();
+            folder.add(camera, light, path);
+        }
+        if (description.json.failed()) return description.json.error();
+        if (folder.split.images.empty())
+            return Error{ErrorCode::kBadInput, description.json.name() + ": no frames, expected at least one image of this light"};
+        SplitBuilder& target = folder.split.cameras.size() > 1 ? train : test;
+        for (const OlatImage& image : folder.split.images) target.add(folder.split.cameras[image.camera], image.light, image.path);
+    }
+    for (SplitBuilder* builder : {&train, &test})
+        if (!builder->split.images.empty()) out.splits.push_back(std::move(builder->split));
+    out.colorSpace = ColorSpace::kLinear;
+    out.premultiplied = false;
+    out.up = {0, 1, 0};
+    return ok();
+}
+
+} // namespace nacre

@@ -1,0 +1,146 @@
+// Finds the description files of a dataset folder, picks the loader and checks what it made.
+#include "dataset/loader.h"
+
+#include "base/file.h"
+#include "interchange/exr.h"
+#include "interchange/png.h"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <tuple>
+
+namespace nacre {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Loader {
+    const char* convention;
+    bool (*detect)(const DatasetSource&);
+    Status (*load)(const DatasetSource&, OlatDataset&);
+};
+
+constexpr Loader kLoaders[] = { // the first that recognises its marks wins
+    {"bigs", isBigs, loadBigs},
+    {"sssgs", isSssgs, loadSssgs},
+    {"plpos", isPlpos, loadPlpos},
+    {"canonical", isCanonical, loadCanonical},
+};
+
+constexpr size_t kMaxJsonBytes = size_t(1) << 28; // the largest published set needs about 20 MB
+constexpr size_t kMaxLightFolders = 100000;
+
+std::string extensionOf(const std::string& path)
+{
+    std::string e = fs::path(path).extension().string();
+    for (char& c : e) c = char(std::tolower(static_cast<unsigned char>(c)));
+    return e;
+}
+
+Status addDescription(DatasetSource& source, const std::string& folder, const std::string& fileName)
+{
+    const std::string path = (fs::path(source.path) / folder / fileName).string();
+    const Result<std::vector<std::byte>> text = readFile(path, kMaxJsonBytes);
+    if (!text) return text.error();
+    const Result<JsonDocument> json = JsonDocument::parse(*text, path);
+    if (!json) return json.error();
+    const size_t prefix = std::string("transforms_").size();
+    source.descriptions.push_back({folder, fileName.substr(prefix, fileName.size() - prefix - 5), *json});
+    return ok();
+}
+
+/// Train first, test second, then by name: what a person expects to read, and the same on every file system.
+std::tuple<int, std::string> splitOrder(const std::string& fileName)
+{
+    return {fileName == "transforms_train.json" ? 0 : fileName == "transforms_test.json" ? 1 : 2, fileName};
+}
+
+Result<DatasetSource> readSource(const std::string& path)
+{
+    std::error_code ec;
+    if (!fs::is_directory(path, ec))
+        return Error{ErrorCode::kBadInput, inQuotes(path) + " is not a folder; expected a dataset with transforms_*.json or olat_*/"};
+    std::vector<std::string> files;
+    std::vector<std::pair<int, std::string>> lightFolders; // olat_<i>, by number
+    for (fs::directory_iterator it(path, ec), end; !ec && it != end; it.increment(ec)) {
+        const std::string name = it->path().filename().string();
+        if (name.starts_with("transforms_") && name.ends_with(".json")) files.push_back(name);
+        int light = 0;
+        if (name.starts_with("olat_") &&
+            std::from_chars(name.data() + 5, name.data() + name.size(), light).ptr == name.data() + name.size() && name.size() > 5)
+            lightFolders.emplace_back(light, name);
+    }
+    if (ec) return Error{ErrorCode::kBadInput, inQuotes(path) + ": cannot list the folder: " + ec.message()};
+    std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return splitOrder(a) < splitOrder(b); });
+    std::sort(lightFolders.begin(), lightFolders.end());
+    if (lightFolders.size() > kMaxLightFolders)
+        return Error{ErrorCode::kBadInput, inQuotes(path) + ": " + std::to_string(lightFolders.size()) + " olat_* folders, expected at most 100000"};
+
+    DatasetSource source;
+    source.path = path;
+    source.fileExists = [](const std::string& p) { std::error_code e; return fs::is_regular_file(p, e); };
+    source.readImageSize = [](const std::string& p) { return extensionOf(p) == ".exr" ? readExrSize(p) : readPngSize(p); };
+    for (const std::string& file : files)
+        if (Status s = addDescription(source, "", file); !s) return s.error();
+    if (files.empty())
+        for (const auto& [light, folder] : lightFolders)
+            if (Status s = addDescription(source, folder, "transforms_train.json"); !s) return s.error();
+    if (source.descriptions.empty())
+        return Error{ErrorCode::kBadInput, inQuotes(path) + ": no transforms_<split>.json and no olat_<i> folders; not a dataset folder"};
+
+    const std::string excludePath = (fs::path(path) / "exclude_list.txt").string();
+    if (fs::is_regular_file(excludePath, ec)) {
+        const Result<std::vector<std::byte>> text = readFile(excludePath, kMaxJsonBytes);
+        if (!text) return text.error();
+        source.excludeList.assign(reinterpret_cast<const char*>(text->data()), text->size());
+    }
+    return source;
+}
+
+/// Only formats that ImageCache reads, and no sRGB-encoded EXR: those are linear by definition.
+Status checkFormat(const OlatDataset& dataset, const OlatImage& image)
+{
+    const std::string extension = extensionOf(image.path);
+    if (extension != ".exr" && extension != ".png")
+        return Error{ErrorCode::kUnsupported, "image " + inQuotes(image.path) + ": expected .exr or .png; convert it first"};
+    if (extension == ".exr" && dataset.colorSpace == ColorSpace::kSrgb)
+        return Error{ErrorCode::kBadInput, "image " + inQuotes(image.path) + ": an EXR in a dataset with color_space srgb; EXR is linear"};
+    return ok();
+}
+
+} // namespace
+
+Result<OlatDataset> loadFrom(const DatasetSource& source)
+{
+    for (const Description& d : source.descriptions) // a broken "frames" is a better message than "not recognised"
+        if (d.frames().items().empty()) {
+            d.frames().fail("at least one frame", "an empty split");
+            return d.json.error();
+        }
+    for (const Loader& loader : kLoaders) {
+        if (!loader.detect(source)) continue;
+        OlatDataset dataset;
+        dataset.path = source.path;
+        dataset.convention = loader.convention;
+        if (Status s = loader.load(source, dataset); !s) return s.error();
+        if (dataset.splits.empty()) return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": no split has images"};
+        for (const OlatSplit& split : dataset.splits) {
+            if (split.images.empty())
+                return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": split " + inQuotes(split.name) + " is empty, expected at least one image"};
+            for (const OlatImage& image : split.images)
+                if (Status s = checkFormat(dataset, image); !s) return s.error();
+        }
+        return dataset;
+    }
+    return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": frames have none of the keys light, pl_pos, file_paths; unknown dataset convention"};
+}
+
+Result<OlatDataset> loadDataset(const std::string& path)
+{
+    const Result<DatasetSource> source = readSource(path);
+    if (!source) return source.error();
+    return loadFrom(*source);
+}
+
+} // namespace nacre

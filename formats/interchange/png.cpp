@@ -1,0 +1,158 @@
+// PNG through stb_image and stb_image_write, both compiled into this file with internal linkage: other libraries export the
+// same names. stb checks neither sizes against the file nor checksums, so checkChunks() does both before it is called.
+#include "interchange/png.h"
+
+#include "base/file.h"
+
+#include <array>
+#include <climits>
+#include <cstring>
+#include <memory>
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-function"
+#pragma GCC diagnostic ignored "-Wmissing-field-initializers"
+#pragma GCC diagnostic ignored "-Wsign-compare"
+#endif
+#define STB_IMAGE_STATIC
+#define STB_IMAGE_IMPLEMENTATION
+#define STBI_ONLY_PNG
+#define STBI_NO_STDIO
+#define STBI_MAX_DIMENSIONS 65536
+#include <stb/stb_image.h>
+#define STB_IMAGE_WRITE_STATIC
+#define STB_IMAGE_WRITE_IMPLEMENTATION
+#define STBI_WRITE_NO_STDIO
+#include <stb/stb_image_write.h>
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
+
+namespace nacre {
+namespace {
+
+constexpr uint32_t kMaxSide = 65536;
+constexpr size_t kMaxPixels = size_t(1) << 28;
+constexpr size_t kMaxDeflateRatio = 1032; // one deflate symbol of 2 bits gives at most 258 bytes
+
+Error bad(const std::string& name, const std::string& what) { return {ErrorCode::kBadInput, name + ": " + what}; }
+
+uint32_t bigEndian(std::span<const std::byte> bytes, size_t at)
+{
+    uint32_t v = 0;
+    for (size_t i = 0; i < 4; i++) v = (v << 8) | uint32_t(bytes[at + i]);
+    return v;
+}
+
+uint32_t crc32(std::span<const std::byte> bytes)
+{
+    static const std::array<uint32_t, 256> kTable = [] {
+        std::array<uint32_t, 256> t{};
+        for (uint32_t n = 0; n < 256; n++) {
+            uint32_t c = n;
+            for (int k = 0; k < 8; k++) c = (c & 1) ? 0xedb88320u ^ (c >> 1) : c >> 1;
+            t[n] = c;
+        }
+        return t;
+    }();
+    uint32_t c = 0xffffffffu;
+    for (std::byte b : bytes) c = kTable[(c ^ uint32_t(b)) & 0xff] ^ (c >> 8);
+    return c ^ 0xffffffffu;
+}
+
+struct PngHeader {
+    uint32_t width = 0, height = 0, bitDepth = 0;
+};
+
+/// Reads the first chunk: signature, length 13, "IHDR", width, height, bit depth, colour type.
+Result<PngHeader> readHeader(std::span<const std::byte> bytes, const std::string& name)
+{
+    static constexpr unsigned char kSignature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+    if (bytes.size() < 33 || std::memcmp(bytes.data(), kSignature, 8) != 0 || std::memcmp(bytes.data() + 12, "IHDR", 4) != 0)
+        return bad(name, "not a PNG file (" + std::to_string(bytes.size()) + " bytes)");
+    const PngHeader h{bigEndian(bytes, 16), bigEndian(bytes, 20), uint32_t(bytes[24])};
+    const uint32_t colorType = uint32_t(bytes[25]);
+    if (h.width < 1 || h.height < 1 || h.width > kMaxSide || h.height > kMaxSide || size_t(h.width) * h.height > kMaxPixels)
+        return bad(name, "PNG of " + std::to_string(h.width) + " x " + std::to_string(h.height) +
+                             " pixels, expected 1 to 65536 per side and at most 2^28 pixels");
+    const size_t samples = colorType == 2 ? 3 : colorType == 4 ? 2 : colorType == 6 ? 4 : 1;
+    const size_t rawBytes = (size_t(h.width) * samples * h.bitDepth + 7) / 8 * h.height;
+    if (rawBytes / kMaxDeflateRatio > bytes.size())
+        return bad(name, "PNG header claims " + std::to_string(h.width) + " x " + std::to_string(h.height) + " pixels but the file has only " +
+                             std::to_string(bytes.size()) + " bytes");
+    return h;
+}
+
+/// Every chunk lies inside the file with the right checksum, and the last one is IEND.
+Status checkChunks(std::span<const std::byte> bytes, const std::string& name)
+{
+    for (size_t at = 8;;) {
+        if (bytes.size() - at < 12) return bad(name, "PNG is cut off at byte " + std::to_string(bytes.size()));
+        const size_t length = bigEndian(bytes, at);
+        if (length > bytes.size() - at - 12) return bad(name, "PNG is cut off at byte " + std::to_string(bytes.size()));
+        if (crc32(bytes.subspan(at + 4, length + 4)) != bigEndian(bytes, at + 8 + length))
+            return bad(name, "damaged PNG: checksum of the chunk at byte " + std::to_string(at) + " does not match");
+        if (std::memcmp(bytes.data() + at + 4, "IEND", 4) == 0) return ok();
+        at += length + 12;
+    }
+}
+
+} // namespace
+
+Result<Image> decodePng(std::span<const std::byte> bytes, const std::string& name)
+{
+    Result<PngHeader> header = readHeader(bytes, name);
+    if (!header) return header.error();
+    if (Status s = checkChunks(bytes, name); !s) return s.error();
+    if (bytes.size() > size_t(INT_MAX)) return bad(name, "PNG larger than 2 GiB");
+
+    const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
+    const int size = int(bytes.size());
+    const bool wide = header->bitDepth == 16;
+    int w = 0, h = 0, channels = 0;
+    void* decoded = wide ? static_cast<void*>(stbi_load_16_from_memory(data, size, &w, &h, &channels, 4))
+                         : static_cast<void*>(stbi_load_from_memory(data, size, &w, &h, &channels, 4));
+    const std::unique_ptr<void, void (*)(void*)> owner(decoded, stbi_image_free);
+    if (!decoded) return bad(name, std::string("broken PNG: ") + stbi_failure_reason());
+
+    Image image{w, h, std::vector<float>(size_t(w) * size_t(h) * 4)};
+    for (size_t i = 0; i < image.rgba.size(); i++)
+        image.rgba[i] = wide ? float(static_cast<const uint16_t*>(decoded)[i]) / 65535.0f : float(static_cast<const uint8_t*>(decoded)[i]) / 255.0f;
+    return image;
+}
+
+Result<Image> readPng(const std::string& path)
+{
+    Result<std::vector<std::byte>> bytes = readFile(path);
+    if (!bytes) return bytes.error();
+    return decodePng(*bytes, path);
+}
+
+Result<Image> readPngSize(const std::string& path)
+{
+    Result<std::vector<std::byte>> bytes = readFile(path);
+    if (!bytes) return bytes.error();
+    Result<PngHeader> header = readHeader(*bytes, path);
+    if (!header) return header.error();
+    return Image{int(header->width), int(header->height), {}};
+}
+
+Status writePng(const std::string& path, int width, int height, int channels, std::span<const uint8_t> pixels)
+{
+    if (width < 1 || height < 1 || uint32_t(width) > kMaxSide || uint32_t(height) > kMaxSide || (channels != 3 && channels != 4) ||
+        size_t(width) * size_t(height) > kMaxPixels || pixels.size() != size_t(width) * size_t(height) * size_t(channels))
+        return bad(path, "cannot write a PNG of " + std::to_string(width) + " x " + std::to_string(height) + " x " + std::to_string(channels) +
+                             " from " + std::to_string(pixels.size()) + " bytes");
+    std::vector<std::byte> encoded;
+    const auto append = [](void* context, void* data, int size) {
+        auto& out = *static_cast<std::vector<std::byte>*>(context);
+        const auto* bytes = static_cast<const std::byte*>(data);
+        out.insert(out.end(), bytes, bytes + size);
+    };
+    if (!stbi_write_png_to_func(append, &encoded, width, height, channels, pixels.data(), width * channels) || encoded.empty())
+        return Error{ErrorCode::kIo, path + ": cannot encode PNG"};
+    return writeFileAtomically(path, encoded);
+}
+
+} // namespace nacre
