@@ -1,0 +1,28 @@
+// Fast CPU backend of reference_raster.h: Highway SIMD over pixels, oneTBB over tiles, several lights of one view as channels of one pass.
+// Planes are row-major [channel][height][width]; the plane after the last channel is alpha. Deterministic for any thread count:
+// every (splat, tile) pair owns its gradient row and the rows of one splat are added in tile order.
+#pragma once
+
+#include "render/reference_raster.h"
+#include "render/tiles.h"
+
+#include <vector>
+
+namespace nacre {
+
+constexpr int kMaxChannels = 12;  // four lights x rgb
+constexpr int kColorStride = 16;  // floats per visible splat in the colour arrays
+
+/// `channels` is 3, 6, 9 or 12; colors is [visible][kColorStride]; writes channels + 1 planes.
+void rasterForward(const VisibleSplats& visible, const TileLists& tiles, const float* colors, int channels, float* planes);
+
+struct RasterScratch {
+    std::vector<float> pairGradients; // [entry][24]
+};
+
+/// `planes` as written by rasterForward, dPlanes the loss gradient of the same shape. Overwrites dColors [visible][kColorStride] and
+/// dSplats [visible].
+void rasterBackward(const VisibleSplats& visible, const TileLists& tiles, const float* colors, int channels, const float* planes,
+                    const float* dPlanes, RasterScratch& scratch, float* dColors, ScreenGradient<float>* dSplats);
+
+} // namespace nacre
