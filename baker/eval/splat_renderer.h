@@ -33,8 +33,9 @@ Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte>
 /// Scalar math of formats/appearance and baker/render on the CPU.
 Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& asset);
 
-/// Replaces an environment light by `count` directional lights of equal solid angle (spherical Fibonacci), each with the map's mean
-/// radiance over its cell times the solid angle. Other lights pass through. Axes: shared/data convention, see formats/dataset.
+/// Replaces an environment light by `count` directional lights, one per cell of equal solid angle (spherical Fibonacci): irradiance
+/// is the map's radiance integrated over the cell, direction its luminance-weighted mean. Other lights pass through. Axes: +Z up,
+/// see environment.cpp.
 Result<std::vector<Light>> expandEnvironment(const Light& light, int count);
 
 } // namespace nacre

@@ -1,0 +1,104 @@
+// A small valid asset whose every number is an exact function of its indices, and helpers to edit .glb bytes.
+#pragma once
+
+#include "appearance/model_table.h"
+#include "asset/asset_io.h"
+#include "splats/splat_asset.h"
+
+#include <nlohmann/json.hpp>
+
+#include <cstring>
+#include <string>
+#include <vector>
+
+namespace nacre::test {
+
+/// `sFunctions`: 0, 1, 4, 9, 16, 25; `neutralFunctions`: 0, 1, 4, 9, 16. All values are multiples of 1/64 (exact in f32 and
+/// text).
+inline SplatAsset makeAsset(size_t count, int sFunctions, int neutralFunctions)
+{
+    const auto value = [](size_t i) { return float(int(i * 37 % 129) - 64) / 64.0f; };
+    SplatAsset asset;
+    asset.model = "bigs";
+    asset.bakedWith = "test \"quoted\" \\ \n caf\xc3\xa9";
+    asset.yUpFromAsset = glm::quat(0.70710678f, -0.70710678f, 0.0f, 0.0f);
+    asset.cloud.count = count;
+    for (size_t i = 0; i < count; ++i) {
+        asset.cloud.positions.emplace_back(value(3 * i), value(3 * i + 1), value(3 * i + 2));
+        asset.cloud.rotations.push_back(i % 2 ? glm::quat(0.6f, 0.0f, -0.8f, 0.0f) : glm::quat(0.5f, 0.5f, -0.5f, 0.5f));
+        asset.cloud.scales.emplace_back(float(i + 1) / 64.0f, 0.25f, 1.0f / 1024.0f);
+        asset.cloud.opacities.push_back(float(i % 65) / 64.0f);
+    }
+    const auto addChannel = [&](const char* name, uint32_t components) {
+        Channel channel{name, components, {}};
+        for (size_t i = 0; i < count * components; ++i) channel.values.push_back(value(i + components));
+        asset.channels.push_back(std::move(channel));
+    };
+    addChannel("tDir", 25);
+    addChannel("tInd", 75);
+    addChannel("rho", 3);
+    if (sFunctions > 0) addChannel("s", uint32_t(3 * sFunctions * (sFunctions + 1) / 2));
+    asset.neutral.shFunctions = neutralFunctions;
+    for (size_t i = 0; i < count * size_t(neutralFunctions); ++i)
+        asset.neutral.sh.emplace_back(value(i), value(i + 5), value(i + 11));
+    return asset;
+}
+
+/// Bit-exact, so that -0 and 0 differ.
+template <class T> bool sameBits(const std::vector<T>& a, const std::vector<T>& b)
+{
+    return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+}
+
+inline bool identical(const SplatAsset& a, const SplatAsset& b)
+{
+    bool same = a.model == b.model && a.bakedWith == b.bakedWith && a.lowPassVariance == b.lowPassVariance &&
+                a.yUpFromAsset == b.yUpFromAsset && a.cloud.count == b.cloud.count &&
+                sameBits(a.cloud.positions, b.cloud.positions) && sameBits(a.cloud.rotations, b.cloud.rotations) &&
+                sameBits(a.cloud.scales, b.cloud.scales) && sameBits(a.cloud.opacities, b.cloud.opacities) &&
+                a.neutral.shFunctions == b.neutral.shFunctions && sameBits(a.neutral.sh, b.neutral.sh) &&
+                a.channels.size() == b.channels.size();
+    for (size_t i = 0; same && i < a.channels.size(); ++i)
+        same = a.channels[i].name == b.channels[i].name && a.channels[i].components == b.channels[i].components &&
+               sameBits(a.channels[i].values, b.channels[i].values);
+    return same;
+}
+
+/// The two chunks of a .glb, to be edited and put together again with right lengths.
+struct GlbParts {
+    nlohmann::json json;
+    std::vector<std::byte> bin;
+
+    explicit GlbParts(const std::vector<std::byte>& bytes)
+    {
+        uint32_t jsonLength;
+        std::memcpy(&jsonLength, bytes.data() + 12, 4);
+        const char* text = reinterpret_cast<const char*>(bytes.data() + 20);
+        json = nlohmann::json::parse(text, text + jsonLength);
+        bin.assign(bytes.begin() + 20 + jsonLength + 8, bytes.end());
+    }
+
+    static std::vector<std::byte> assemble(std::string text, const std::vector<std::byte>& bin)
+    {
+        while (text.size() % 4) text += ' ';
+        std::vector<std::byte> bytes;
+        const auto put = [&](const void* p, size_t n) {
+            bytes.insert(bytes.end(), static_cast<const std::byte*>(p), static_cast<const std::byte*>(p) + n);
+        };
+        const auto putU32 = [&](size_t v) {
+            const uint32_t u = uint32_t(v);
+            put(&u, 4);
+        };
+        putU32(0x46546C67), putU32(2), putU32(12 + 8 + text.size() + 8 + bin.size());
+        putU32(text.size()), putU32(0x4E4F534A), put(text.data(), text.size());
+        putU32(bin.size()), putU32(0x004E4942), put(bin.data(), bin.size());
+        return bytes;
+    }
+    std::vector<std::byte> bytes() const { return assemble(json.dump(), bin); }
+
+    nlohmann::json& primitive() { return json["meshes"][0]["primitives"][0]; }
+    nlohmann::json& splatting() { return primitive()["extensions"]["KHR_gaussian_splatting"]; }
+    nlohmann::json& relight() { return splatting()["extensions"]["NACRE_gaussian_splatting_relight"]; }
+};
+
+} // namespace nacre::test
