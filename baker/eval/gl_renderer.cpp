@@ -1,0 +1,171 @@
+// makeGlRenderer: the runtime's public C API on a headless context, as a host application would use it.
+#include "eval/headless_gl.h"
+#include "eval/splat_renderer.h"
+#include "splats/blend.h"
+
+#include "nacre/nacre.h"
+
+#include <glm/gtc/type_ptr.hpp>
+
+#include <algorithm>
+#include <cstring>
+
+namespace nacre {
+
+/// OpenGL clip space, infinite far plane. Image y runs down and GL's window y up; cx, cy count from the top-left corner.
+static glm::mat4 clipFromView(const Camera& c)
+{
+    glm::mat4 p(0.0f);
+    p[0][0] = float(2.0 * c.fx / c.width);
+    p[1][1] = float(2.0 * c.fy / c.height);
+    p[2][0] = float(1.0 - 2.0 * c.cx / c.width);
+    p[2][1] = float(2.0 * c.cy / c.height - 1.0);
+    p[2][2] = -1.0f;
+    p[2][3] = -1.0f;
+    p[3][2] = -2.0f * kNearPlane;
+    return p;
+}
+
+static Result<std::vector<NacreLight>> toNacreLights(std::span<const Light> lights)
+{
+    std::vector<NacreLight> out;
+    for (const Light& light : lights) {
+        if (light.type == LightType::kEnvironment)
+            return Error{ErrorCode::kUnsupported, "the GL renderer takes point and directional lights; expand environment lights first"};
+        const bool point = light.type == LightType::kPoint;
+        NacreLight n{};
+        n.type = point ? NACRE_LIGHT_POINT : NACRE_LIGHT_DIRECTIONAL;
+        const glm::vec3& vector = point ? light.position : light.directionToLight;
+        std::memcpy(n.vector, glm::value_ptr(vector), sizeof n.vector);
+        std::memcpy(n.intensity, glm::value_ptr(light.intensity), sizeof n.intensity);
+        n.radius = light.radius;
+        out.push_back(n);
+    }
+    return out;
+}
+
+static double median(std::vector<double> values)
+{
+    std::nth_element(values.begin(), values.begin() + ptrdiff_t(values.size() / 2), values.end());
+    return values[values.size() / 2];
+}
+
+namespace {
+
+class GlRenderer final : public SplatRenderer {
+public:
+    ~GlRenderer() override
+    {
+        if (gl_) gl_->makeCurrent();
+        nacreAssetDestroy(asset_);
+        nacreContextDestroy(context_);
+    }
+
+    Status open(std::span<const std::byte> assetBytes)
+    {
+        Result<std::unique_ptr<HeadlessGl>> gl = HeadlessGl::create();
+        if (!gl) return gl.error();
+        gl_ = std::move(*gl);
+        NacreContextDesc desc{};
+        desc.structSize = sizeof desc;
+        desc.getProcAddress = HeadlessGl::getProcAddress;
+        desc.message = keepMessage;
+        desc.messageUser = &lastMessage_;
+        if (Status s = check(nacreContextCreate(&desc, &context_)); !s) return s;
+        return check(nacreAssetCreate(context_, assetBytes.data(), assetBytes.size(), &asset_));
+    }
+
+    Result<Image> render(const Camera& camera, std::span<const Light> lights) override
+    {
+        gl_->makeCurrent();
+        if (Status s = setLights(lights); !s) return s.error();
+        if (Status s = draw(camera); !s) return s.error();
+        return gl_->readFrame();
+    }
+
+    Result<RenderTimes> time(const Camera& camera, std::span<const Light> lights, int warmup, int frames) override
+    {
+        gl_->makeCurrent();
+        nacreContextSetProfiling(context_, 1);
+        std::vector<double> relight, sort, raster, frame;
+        Status status = ok();
+        for (int i = 0; i < warmup + frames && status; ++i) {
+            // A millionth to and fro changes camera and lights, so that nothing can be reused.
+            const float nudge = i % 2 ? 1.0f : 1.0f + 1e-6f;
+            std::vector<Light> moved(lights.begin(), lights.end());
+            for (Light& light : moved) light.intensity *= nudge;
+            Camera seen = camera;
+            seen.worldFromCamera[3] += double(nudge - 1.0f) * camera.worldFromCamera[2];
+            status = setLights(moved);
+            if (status) status = draw(seen);
+            NacreDrawStats stats{};
+            stats.structSize = sizeof stats;
+            if (status) status = check(nacreAssetGetDrawStats(asset_, &stats));
+            if (i < warmup) continue;
+            relight.push_back(1e3 * stats.relightSeconds);
+            sort.push_back(1e3 * stats.sortSeconds);
+            raster.push_back(1e3 * stats.rasterSeconds);
+            frame.push_back(relight.back() + sort.back() + raster.back());
+        }
+        nacreContextSetProfiling(context_, 0);
+        if (!status) return status.error();
+        if (frames < 1) return Error{ErrorCode::kBadInput, "timing needs at least one frame"};
+        return RenderTimes{median(relight), median(sort), median(raster), median(frame)};
+    }
+
+    std::string description() const override { return gl_->description(); }
+
+private:
+    static void keepMessage(NacreSeverity severity, const char* text, void* user)
+    {
+        if (severity == NACRE_ERROR) *static_cast<std::string*>(user) = text;
+    }
+
+    Status check(NacreResult result) const
+    {
+        switch (result) {
+        case NACRE_OK: return ok();
+        case NACRE_ERROR_INVALID_ARGUMENT:
+        case NACRE_ERROR_BAD_ASSET: return Error{ErrorCode::kBadInput, lastMessage_};
+        case NACRE_ERROR_UNSUPPORTED: return Error{ErrorCode::kUnsupported, lastMessage_};
+        default: return Error{ErrorCode::kGpu, lastMessage_};
+        }
+    }
+
+    Status setLights(std::span<const Light> lights)
+    {
+        const Result<std::vector<NacreLight>> converted = toNacreLights(lights);
+        if (!converted) return converted.error();
+        return check(nacreAssetSetLights(asset_, converted->data(), converted->size()));
+    }
+
+    Status draw(const Camera& camera)
+    {
+        if (Status s = gl_->beginFrame(camera.width, camera.height); !s) return s;
+        NacreDrawDesc desc{};
+        desc.structSize = sizeof desc;
+        const glm::mat4 identity(1.0f), view(glm::inverse(camera.worldFromCamera)), clip = clipFromView(camera);
+        std::memcpy(desc.worldFromAsset, glm::value_ptr(identity), sizeof identity);
+        std::memcpy(desc.viewFromWorld, glm::value_ptr(view), sizeof view);
+        std::memcpy(desc.clipFromView, glm::value_ptr(clip), sizeof clip);
+        desc.viewportWidth = camera.width;
+        desc.viewportHeight = camera.height;
+        return check(nacreAssetDraw(asset_, &desc));
+    }
+
+    std::unique_ptr<HeadlessGl> gl_;
+    NacreContext context_ = nullptr;
+    NacreAsset asset_ = nullptr;
+    std::string lastMessage_;
+};
+
+} // namespace
+
+Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes)
+{
+    auto renderer = std::make_unique<GlRenderer>();
+    if (Status s = renderer->open(assetBytes); !s) return s.error();
+    return std::unique_ptr<SplatRenderer>(std::move(renderer));
+}
+
+} // namespace nacre

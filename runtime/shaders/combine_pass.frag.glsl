@@ -1,0 +1,36 @@
+// bigsTransport summed over the lights (appearance/bigs/bigs.h): one fragment per splat,
+// colour = indirect + sum_t I_t * direct_t * max(rho + sum_i a_i y_i(w_t), 0).
+uniform sampler2D uGeometry;   // slot 0: mean, opacity; slot 3: rho
+uniform sampler2D uDirect;     // slot g: direct transport of lights 4g..4g+3
+uniform sampler2D uIndirect;   // slot g: indirect radiance of lights 4g..4g+3
+uniform sampler2D uContracted; // slot i: a_i
+uniform sampler2D uLights;     // row 0: see sampleLight; row 1: intensity
+uniform int uLightCount;
+uniform float uWorldScale2;
+
+layout(location = 0) out vec4 outColor;
+
+void main()
+{
+    ivec2 splat = passSplat();
+    vec3 rho = texelFetch(uGeometry, slotTexel(splat, 3), 0).rgb;
+    vec3 color = vec3(0.0);
+#if S_FUNCTIONS > 0
+    vec3 mean = texelFetch(uGeometry, splat, 0).xyz;
+    vec3 a[S_FUNCTIONS];
+    for (int i = 0; i < S_FUNCTIONS; ++i) a[i] = texelFetch(uContracted, slotTexel(splat, i), 0).rgb;
+#endif
+    for (int t = 0; t < uLightCount; ++t) {
+        ivec2 group = slotTexel(splat, t >> 2);
+        if ((t & 3) == 0) color += texelFetch(uIndirect, group, 0).rgb;
+        float direct = dot(texelFetch(uDirect, group, 0), vec4(equal(ivec4(t & 3), ivec4(0, 1, 2, 3))));
+        vec3 scatter = rho;
+#if S_FUNCTIONS > 0
+        float y[25];
+        shBasis(S_FUNCTIONS, sampleLight(texelFetch(uLights, ivec2(t, 0), 0), mean, uWorldScale2).xyz, y);
+        for (int i = 0; i < S_FUNCTIONS; ++i) scatter += a[i] * y[i];
+#endif
+        color += texelFetch(uLights, ivec2(t, 1), 0).rgb * direct * max(scatter, 0.0);
+    }
+    outColor = vec4(color, 0.0);
+}

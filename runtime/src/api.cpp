@@ -1,0 +1,180 @@
+// The C API: checks arguments, turns exceptions and failures into results and messages. The only extern "C" file.
+#include "asset.h"
+
+#include "asset/asset_io.h"
+#include "gl_state.h"
+
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <new>
+
+using nacre::Failure;
+
+namespace {
+
+/// Runs `work`; nothing thrown gets past the C border.
+template <class Work>
+NacreResult guarded(const NacreContextImpl& context, Work work)
+{
+    try {
+        if (const Failure f = work()) return context.fail(f);
+        return NACRE_OK;
+    } catch (const std::bad_alloc&) {
+        context.report(NACRE_ERROR, "out of memory");
+        return NACRE_ERROR_OUT_OF_MEMORY;
+    } catch (...) {
+        context.report(NACRE_ERROR, "internal error");
+        return NACRE_ERROR_GL;
+    }
+}
+
+Failure invalid(const std::string& text) { return {NACRE_ERROR_INVALID_ARGUMENT, text}; }
+
+Failure checkSize(const char* type, size_t found, size_t expected)
+{
+    if (found == expected) return {};
+    return invalid(std::string(type) + ".structSize is " + std::to_string(found) + ", expected " + std::to_string(expected) +
+                   "; set it to sizeof(" + type + ")");
+}
+
+Failure checkLight(const NacreLight& light, size_t index)
+{
+    const std::string which = "light " + std::to_string(index) + ": ";
+    if (light.type != NACRE_LIGHT_POINT && light.type != NACRE_LIGHT_DIRECTIONAL)
+        return invalid(which + "unknown type " + std::to_string(int(light.type)));
+    constexpr float kFarthest = 1e15f; // so that squared distances stay finite in float
+    double length2 = 0;
+    for (int c = 0; c < 3; ++c) {
+        if (!(std::abs(light.vector[c]) <= kFarthest)) return invalid(which + "vector is not finite or beyond 1e15");
+        if (!(light.intensity[c] >= 0 && std::isfinite(light.intensity[c])))
+            return invalid(which + "intensity must be finite and not negative");
+        length2 += double(light.vector[c]) * light.vector[c];
+    }
+    if (light.type == NACRE_LIGHT_DIRECTIONAL && !(std::abs(length2 - 1.0) < 1e-2))
+        return invalid(which + "vector of a directional light must have length 1, found " + std::to_string(std::sqrt(length2)));
+    if (light.type == NACRE_LIGHT_POINT && !(light.radius >= 0 && light.radius <= kFarthest))
+        return invalid(which + "radius must be finite and not negative");
+    return {};
+}
+
+} // namespace
+
+extern "C" {
+
+uint32_t nacreVersion(void) { return NACRE_VERSION_MAJOR * 10000 + NACRE_VERSION_MINOR * 100 + NACRE_VERSION_PATCH; }
+
+NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreContext* context)
+{
+    if (context) *context = nullptr;
+    if (!desc || !context) return NACRE_ERROR_INVALID_ARGUMENT;
+    if (desc->structSize != sizeof(NacreContextDesc)) return NACRE_ERROR_INVALID_ARGUMENT; // the callback's place is not trusted
+    std::unique_ptr<NacreContextImpl> made(new (std::nothrow) NacreContextImpl);
+    if (!made) return NACRE_ERROR_OUT_OF_MEMORY;
+    made->message = desc->message;
+    made->messageUser = desc->messageUser;
+    const NacreResult result = guarded(*made, [&]() -> Failure {
+        if (!desc->getProcAddress) return invalid("NacreContextDesc.getProcAddress is null, it is required");
+        std::string missing = nacre::loadGl(desc->getProcAddress, desc->getProcAddressUser, &made->gl);
+        if (!missing.empty()) return {NACRE_ERROR_UNSUPPORTED, std::move(missing)};
+        return {};
+    });
+    if (result == NACRE_OK) *context = made.release();
+    return result;
+}
+
+void nacreContextDestroy(NacreContext context)
+{
+    if (!context) return;
+    context->gl.DeleteVertexArrays(1, &context->vertexArray);
+    context->gl.DeleteBuffers(1, &context->indexBuffer);
+    delete context;
+}
+
+void nacreContextSetProfiling(NacreContext context, int enabled)
+{
+    if (context) context->profiling = enabled != 0;
+}
+
+NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset)
+{
+    if (asset) *asset = nullptr;
+    if (!context) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*context, [&]() -> Failure {
+        if (!bytes || !asset) return invalid("nacreAssetCreate: bytes and asset must not be null");
+        const nacre::Result<nacre::SplatAsset> decoded = nacre::decodeAsset({static_cast<const std::byte*>(bytes), byteCount});
+        if (!decoded)
+            return {decoded.error().code == nacre::ErrorCode::kUnsupported ? NACRE_ERROR_UNSUPPORTED : NACRE_ERROR_BAD_ASSET,
+                    decoded.error().message};
+        const auto destroy = [](NacreAssetImpl* a) { nacreAssetDestroy(a); };
+        std::unique_ptr<NacreAssetImpl, decltype(destroy)> made(new NacreAssetImpl, destroy);
+        if (Failure f = nacre::uploadAsset(*context, *decoded, *made)) return f;
+        *asset = made.release();
+        return {};
+    });
+}
+
+void nacreAssetDestroy(NacreAsset asset)
+{
+    if (!asset) return;
+    nacre::destroyAsset(*asset);
+    delete asset;
+}
+
+NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info)
+{
+    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*asset->context, [&]() -> Failure {
+        if (!info) return invalid("nacreAssetGetInfo: info must not be null");
+        if (Failure f = checkSize("NacreAssetInfo", info->structSize, sizeof *info)) return f;
+        info->splatCount = asset->count;
+        info->gpuBytes = asset->gpuBytes;
+        for (int c = 0; c < 3; ++c) {
+            info->boundsMin[c] = asset->boundsMin[c];
+            info->boundsMax[c] = asset->boundsMax[c];
+        }
+        const glm::quat& q = asset->yUpFromAsset;
+        const float xyzw[4] = {q.x, q.y, q.z, q.w};
+        std::memcpy(info->yUpFromAsset, xyzw, sizeof xyzw);
+        return {};
+    });
+}
+
+NacreResult nacreAssetSetLights(NacreAsset asset, const NacreLight* lights, size_t count)
+{
+    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*asset->context, [&]() -> Failure {
+        if (count > 0 && !lights) return invalid("nacreAssetSetLights: lights must not be null");
+        if (count > NACRE_MAX_LIGHTS)
+            return invalid(std::to_string(count) + " lights, the most is " + std::to_string(NACRE_MAX_LIGHTS) +
+                           "; keep those that matter at the asset");
+        for (size_t i = 0; i < count; ++i)
+            if (Failure f = checkLight(lights[i], i)) return f;
+        asset->hostLights.assign(lights, lights + count);
+        return {};
+    });
+}
+
+NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc)
+{
+    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*asset->context, [&]() -> Failure {
+        if (!desc) return invalid("nacreAssetDraw: desc must not be null");
+        if (Failure f = checkSize("NacreDrawDesc", desc->structSize, sizeof *desc)) return f;
+        return nacre::draw(*asset, *desc);
+    });
+}
+
+NacreResult nacreAssetGetDrawStats(NacreAsset asset, NacreDrawStats* stats)
+{
+    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*asset->context, [&]() -> Failure {
+        if (!stats) return invalid("nacreAssetGetDrawStats: stats must not be null");
+        if (Failure f = checkSize("NacreDrawStats", stats->structSize, sizeof *stats)) return f;
+        *stats = asset->stats;
+        stats->structSize = sizeof *stats;
+        return {};
+    });
+}
+
+} // extern "C"

@@ -1,0 +1,101 @@
+// One draw: relight, sort, raster, inside the host's frame.
+#include "asset.h"
+
+#include "gl_state.h"
+#include "splats/blend.h"
+
+#include <chrono>
+#include <limits>
+
+namespace nacre {
+
+/// Seconds since the last lap; with profiling on, GPU work up to here included.
+class Stopwatch {
+public:
+    explicit Stopwatch(const NacreContextImpl& context) : context_(context) { lap(); }
+    double lap()
+    {
+        if (context_.profiling) context_.gl.Finish();
+        const auto now = std::chrono::steady_clock::now();
+        const double seconds = std::chrono::duration<double>(now - last_).count();
+        last_ = now;
+        return seconds;
+    }
+
+private:
+    const NacreContextImpl& context_;
+    std::chrono::steady_clock::time_point last_{};
+};
+
+/// A half-float target turns values above 65504 into infinity, so colours stop there; a float target takes everything.
+static float largestColor(const Gl& gl)
+{
+    GLint framebuffer = 0, attachment = GL_BACK_LEFT, type = GL_NONE, bits = 32;
+    gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer);
+    if (framebuffer != 0) gl.GetIntegerv(GL_DRAW_BUFFER0, &attachment);
+    if (framebuffer == 0 || attachment == GL_NONE) return std::numeric_limits<float>::max(); // fixed point, clamped by GL itself
+    const auto get = [&](GLenum what, GLint* value) {
+        gl.GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, GLenum(attachment), what, value);
+    };
+    get(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE, &type);
+    if (type != GL_NONE) get(GL_FRAMEBUFFER_ATTACHMENT_RED_SIZE, &bits);
+    return bits > 16 ? std::numeric_limits<float>::max() : bits == 16 ? 65504.0f : 65024.0f; // the last: R11F_G11F_B10F
+}
+
+static void uploadOrder(const NacreAssetImpl& asset)
+{
+    const Gl& gl = asset.context->gl;
+    const int drawn = int(asset.farToNear.size()), rows = drawn / asset.width, rest = drawn % asset.width;
+    const uint32_t* data = asset.farToNear.data();
+    bindTexture(gl, 2, GL_TEXTURE_2D, asset.order);
+    if (rows > 0) gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, asset.width, rows, GL_RED_INTEGER, GL_UNSIGNED_INT, data);
+    if (rest > 0)
+        gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, rows, rest, 1, GL_RED_INTEGER, GL_UNSIGNED_INT, data + size_t(rows) * size_t(asset.width));
+}
+
+static void rasterize(const NacreAssetImpl& asset, const DrawFrame& frame)
+{
+    const Gl& gl = asset.context->gl;
+    const Program& p = asset.splatProgram;
+    gl.UseProgram(p.name);
+    bindTexture(gl, 0, GL_TEXTURE_2D, asset.geometry);
+    bindTexture(gl, 1, GL_TEXTURE_2D, asset.color);
+    bindTexture(gl, 2, GL_TEXTURE_2D, asset.order);
+    gl.UniformMatrix3fv(p.viewFromAsset, 1, GL_FALSE, &frame.viewFromAsset[0][0]);
+    gl.Uniform3f(p.viewTranslation, frame.viewTranslation.x, frame.viewTranslation.y, frame.viewTranslation.z);
+    gl.UniformMatrix4fv(p.clipFromView, 1, GL_FALSE, &frame.clipFromView[0][0]);
+    gl.Uniform2f(p.viewport, frame.viewport.x, frame.viewport.y);
+    const float limit = 1.0f + kJacobianMargin;
+    gl.Uniform1f(p.jacobianLimit, limit);
+    gl.Uniform1f(p.nearW, frame.nearW);
+    gl.Uniform1f(p.lowPass, asset.lowPassVariance);
+    gl.Uniform1f(p.maxColor, largestColor(gl));
+    gl.DrawElements(GL_TRIANGLES, GLsizei(6 * asset.farToNear.size()), GL_UNSIGNED_INT, nullptr);
+}
+
+Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
+{
+    const NacreContextImpl& context = *asset.context;
+    DrawFrame frame;
+    if (Failure f = makeFrame(desc, &frame)) return f;
+
+    Stopwatch watch(context);
+    GlStateGuard state(context.gl);
+    context.gl.BindVertexArray(context.vertexArray);
+    state.beginPasses();
+    if (Failure f = relight(asset, frame)) return f;
+    asset.stats.relightSeconds = watch.lap();
+
+    const bool resorted = sortSplats(asset, frame);
+    if (resorted) uploadOrder(asset);
+    asset.stats.sorted = resorted;
+    asset.stats.splatsDrawn = uint32_t(asset.farToNear.size());
+    asset.stats.sortSeconds = watch.lap();
+
+    state.beginDraw(desc.depthTest != 0);
+    if (!asset.farToNear.empty()) rasterize(asset, frame);
+    asset.stats.rasterSeconds = watch.lap();
+    return {};
+}
+
+} // namespace nacre

@@ -1,0 +1,58 @@
+// The OpenGL functions the runtime calls, loaded through the host's getProcAddress into a table per context: nothing global, no
+// loader library, no clash with the host's own loader. GL 3.3 core, plus a few later entry points that only state saving uses.
+#pragma once
+
+#include <GL/glcorearb.h>
+
+#include "nacre/nacre.h"
+
+#include <string>
+
+namespace nacre {
+
+#define NACRE_GL_FUNCTIONS(X)                                                                                                    \
+    X(ACTIVETEXTURE, ActiveTexture) X(ATTACHSHADER, AttachShader) X(BINDBUFFER, BindBuffer)                                      \
+    X(BINDFRAMEBUFFER, BindFramebuffer) X(BINDSAMPLER, BindSampler) X(BINDTEXTURE, BindTexture)                                  \
+    X(BINDVERTEXARRAY, BindVertexArray) X(BLENDEQUATIONSEPARATE, BlendEquationSeparate)                                          \
+    X(BLENDFUNCSEPARATE, BlendFuncSeparate) X(BUFFERDATA, BufferData)                                                            \
+    X(CHECKFRAMEBUFFERSTATUS, CheckFramebufferStatus) X(COLORMASKI, ColorMaski) X(COMPILESHADER, CompileShader)                  \
+    X(CREATEPROGRAM, CreateProgram) X(CREATESHADER, CreateShader)                                                                \
+    X(DELETEBUFFERS, DeleteBuffers) X(DELETEFRAMEBUFFERS, DeleteFramebuffers) X(DELETEPROGRAM, DeleteProgram)                    \
+    X(DELETESHADER, DeleteShader) X(DELETETEXTURES, DeleteTextures) X(DELETEVERTEXARRAYS, DeleteVertexArrays)                    \
+    X(DEPTHMASK, DepthMask) X(DISABLE, Disable) X(DISABLEI, Disablei) X(DRAWARRAYS, DrawArrays) X(DRAWBUFFERS, DrawBuffers)      \
+    X(DRAWELEMENTS, DrawElements) X(ENABLE, Enable) X(ENABLEI, Enablei) X(FINISH, Finish)                                        \
+    X(FRAMEBUFFERTEXTURE2D, FramebufferTexture2D) X(GENBUFFERS, GenBuffers) X(GENFRAMEBUFFERS, GenFramebuffers)                  \
+    X(GENTEXTURES, GenTextures) X(GENVERTEXARRAYS, GenVertexArrays) X(GETBOOLEANI_V, GetBooleani_v) X(GETERROR, GetError)        \
+    X(GETFLOATV, GetFloatv) X(GETFRAMEBUFFERATTACHMENTPARAMETERIV, GetFramebufferAttachmentParameteriv)                          \
+    X(GETINTEGERV, GetIntegerv) X(GETPROGRAMINFOLOG, GetProgramInfoLog) X(GETPROGRAMIV, GetProgramiv)                            \
+    X(GETSHADERINFOLOG, GetShaderInfoLog) X(GETSHADERIV, GetShaderiv) X(GETSTRING, GetString)                                    \
+    X(GETUNIFORMLOCATION, GetUniformLocation) X(ISENABLED, IsEnabled) X(ISENABLEDI, IsEnabledi) X(LINKPROGRAM, LinkProgram)      \
+    X(PIXELSTOREI, PixelStorei) X(POLYGONMODE, PolygonMode) X(SHADERSOURCE, ShaderSource) X(TEXIMAGE2D, TexImage2D)              \
+    X(TEXIMAGE3D, TexImage3D) X(TEXPARAMETERI, TexParameteri) X(TEXSUBIMAGE2D, TexSubImage2D)                                    \
+    X(TEXSUBIMAGE3D, TexSubImage3D) X(UNIFORM1F, Uniform1f) X(UNIFORM1I, Uniform1i) X(UNIFORM2F, Uniform2f)                      \
+    X(UNIFORM3F, Uniform3f) X(UNIFORM4F, Uniform4f) X(UNIFORMMATRIX3FV, UniformMatrix3fv)                                        \
+    X(UNIFORMMATRIX4FV, UniformMatrix4fv) X(USEPROGRAM, UseProgram) X(VIEWPORT, Viewport)
+
+// Null where the context is older: indexed blending (4.0) and indexed viewports (4.1), which plain calls would overwrite.
+#define NACRE_GL_OPTIONAL_FUNCTIONS(X)                                                                                           \
+    X(BLENDEQUATIONSEPARATEI, BlendEquationSeparatei) X(BLENDFUNCSEPARATEI, BlendFuncSeparatei)                                  \
+    X(GETINTEGERI_V, GetIntegeri_v) X(VIEWPORTINDEXEDF, ViewportIndexedf)
+
+struct Gl {
+#define X(TYPE, name) PFNGL##TYPE##PROC name = nullptr;
+    NACRE_GL_FUNCTIONS(X)
+    NACRE_GL_OPTIONAL_FUNCTIONS(X)
+#undef X
+    int version = 0;              // major * 10 + minor
+    GLint maxTextureSize = 0;
+    GLint maxArrayLayers = 0;
+    GLint maxDrawBuffers = 0;
+};
+
+/// Empty on success, else one line that says what is missing.
+std::string loadGl(NacreGetProcAddress getProcAddress, void* user, Gl* gl);
+
+/// The first pending error, all cleared; GL_NO_ERROR if none.
+GLenum takeGlError(const Gl& gl);
+
+} // namespace nacre

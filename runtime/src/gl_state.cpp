@@ -1,0 +1,145 @@
+#include "gl_state.h"
+
+#include <algorithm>
+
+namespace nacre {
+
+static constexpr GLenum kUnpack[] = {GL_UNPACK_SWAP_BYTES, GL_UNPACK_LSB_FIRST,   GL_UNPACK_ROW_LENGTH,  GL_UNPACK_SKIP_ROWS,
+                                     GL_UNPACK_SKIP_PIXELS, GL_UNPACK_SKIP_IMAGES, GL_UNPACK_IMAGE_HEIGHT, GL_UNPACK_ALIGNMENT};
+
+// Switched off for the runtime's draws: each would drop, alter or duplicate fragments (or read what our shaders do not write).
+static constexpr GLenum kToggles[] = {
+    GL_CULL_FACE, GL_COLOR_LOGIC_OP, GL_RASTERIZER_DISCARD, GL_POLYGON_OFFSET_FILL, GL_PRIMITIVE_RESTART,
+    GL_SAMPLE_ALPHA_TO_COVERAGE, GL_SAMPLE_ALPHA_TO_ONE, GL_SAMPLE_COVERAGE, GL_SAMPLE_MASK, GL_POLYGON_SMOOTH,
+    GL_CLIP_DISTANCE0, GL_CLIP_DISTANCE1, GL_CLIP_DISTANCE2, GL_CLIP_DISTANCE3, GL_CLIP_DISTANCE4, GL_CLIP_DISTANCE5,
+    GL_CLIP_DISTANCE6, GL_CLIP_DISTANCE7};
+
+static void set(const Gl& gl, GLenum what, GLboolean on) { (on ? gl.Enable : gl.Disable)(what); }
+
+GlStateGuard::Blend GlStateGuard::readBlend(int i) const
+{
+    Blend b;
+    const auto get = [&](GLenum name, GLint* value) {
+        if (gl_.GetIntegeri_v) gl_.GetIntegeri_v(name, i, value);
+        else gl_.GetIntegerv(name, value);
+    };
+    get(GL_BLEND_SRC_RGB, &b.srcRgb);
+    get(GL_BLEND_DST_RGB, &b.dstRgb);
+    get(GL_BLEND_SRC_ALPHA, &b.srcAlpha);
+    get(GL_BLEND_DST_ALPHA, &b.dstAlpha);
+    get(GL_BLEND_EQUATION_RGB, &b.equationRgb);
+    get(GL_BLEND_EQUATION_ALPHA, &b.equationAlpha);
+    return b;
+}
+
+void GlStateGuard::setViewport(const float box[4]) const
+{
+    if (gl_.ViewportIndexedf) gl_.ViewportIndexedf(0, box[0], box[1], box[2], box[3]); // leaves the host's other viewports alone
+    else gl_.Viewport(GLint(box[0]), GLint(box[1]), GLsizei(box[2]), GLsizei(box[3]));
+}
+
+GlStateGuard::GlStateGuard(const Gl& gl) : gl_(gl), drawBufferCount_(std::min(gl.maxDrawBuffers, kMaxDrawBuffers))
+{
+    gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &drawFramebuffer_);
+    gl.GetIntegerv(GL_READ_FRAMEBUFFER_BINDING, &readFramebuffer_);
+    gl.GetIntegerv(GL_VERTEX_ARRAY_BINDING, &vertexArray_);
+    gl.GetIntegerv(GL_CURRENT_PROGRAM, &program_);
+    gl.GetIntegerv(GL_PIXEL_UNPACK_BUFFER_BINDING, &unpackBuffer_);
+    gl.GetIntegerv(GL_ACTIVE_TEXTURE, &activeTexture_);
+    for (int i = 0; i < kTextureUnits; ++i) {
+        gl.ActiveTexture(GL_TEXTURE0 + i);
+        gl.GetIntegerv(GL_TEXTURE_BINDING_2D, &units_[i].texture2D);
+        gl.GetIntegerv(GL_TEXTURE_BINDING_2D_ARRAY, &units_[i].texture2DArray);
+        gl.GetIntegerv(GL_SAMPLER_BINDING, &units_[i].sampler);
+        gl.BindSampler(i, 0);
+    }
+    for (size_t i = 0; i < std::size(kUnpack); ++i) {
+        gl.GetIntegerv(kUnpack[i], &unpack_[i]);
+        gl.PixelStorei(kUnpack[i], kUnpack[i] == GL_UNPACK_ALIGNMENT ? 4 : 0);
+    }
+    gl.BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
+    static_assert(std::size(kToggles) == kToggleCount);
+    for (size_t i = 0; i < std::size(kToggles); ++i) {
+        toggles_[i] = gl.IsEnabled(kToggles[i]);
+        if (toggles_[i]) gl.Disable(kToggles[i]);
+    }
+    for (int i = 0; i < drawBufferCount_; ++i) {
+        DrawBuffer& b = drawBuffers_[i];
+        b.blend = gl.IsEnabledi(GL_BLEND, i);
+        gl.GetBooleani_v(GL_COLOR_WRITEMASK, i, b.mask);
+        gl.ColorMaski(i, GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+        b.factors = readBlend(i);
+    }
+    polygonMode_[0] = polygonMode_[1] = 0;
+    gl.GetIntegerv(GL_POLYGON_MODE, polygonMode_); // core profiles may report one value, compatibility profiles two
+    if (polygonMode_[1] == 0) polygonMode_[1] = polygonMode_[0];
+    gl.PolygonMode(GL_FRONT_AND_BACK, GL_FILL);
+    depthTest_ = gl.IsEnabled(GL_DEPTH_TEST);
+    scissor_ = gl.IsEnabledi(GL_SCISSOR_TEST, 0);
+    GLint depthMask = 0;
+    gl.GetIntegerv(GL_DEPTH_WRITEMASK, &depthMask);
+    depthMask_ = GLboolean(depthMask != 0);
+    gl.GetFloatv(GL_VIEWPORT, viewport_);
+}
+
+void GlStateGuard::beginPasses()
+{
+    gl_.Disable(GL_DEPTH_TEST);
+    gl_.Disablei(GL_SCISSOR_TEST, 0);
+    gl_.Disable(GL_BLEND);
+}
+
+void GlStateGuard::beginDraw(bool depthTest)
+{
+    gl_.BindFramebuffer(GL_DRAW_FRAMEBUFFER, GLuint(drawFramebuffer_));
+    setViewport(viewport_);
+    if (scissor_) gl_.Enablei(GL_SCISSOR_TEST, 0);
+    set(gl_, GL_DEPTH_TEST, depthTest);
+    gl_.DepthMask(GL_FALSE);
+    gl_.Enable(GL_BLEND);
+    gl_.BlendEquationSeparate(GL_FUNC_ADD, GL_FUNC_ADD);
+    gl_.BlendFuncSeparate(GL_ONE, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+}
+
+GlStateGuard::~GlStateGuard()
+{
+    const Gl& gl = gl_;
+    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, GLuint(drawFramebuffer_));
+    gl.BindFramebuffer(GL_READ_FRAMEBUFFER, GLuint(readFramebuffer_));
+    gl.BindVertexArray(GLuint(vertexArray_));
+    gl.UseProgram(GLuint(program_));
+    gl.BindBuffer(GL_PIXEL_UNPACK_BUFFER, GLuint(unpackBuffer_));
+    for (int i = 0; i < kTextureUnits; ++i) {
+        gl.ActiveTexture(GL_TEXTURE0 + i);
+        gl.BindTexture(GL_TEXTURE_2D, GLuint(units_[i].texture2D));
+        gl.BindTexture(GL_TEXTURE_2D_ARRAY, GLuint(units_[i].texture2DArray));
+        gl.BindSampler(i, GLuint(units_[i].sampler));
+    }
+    gl.ActiveTexture(GLenum(activeTexture_));
+    for (size_t i = 0; i < std::size(kUnpack); ++i) gl.PixelStorei(kUnpack[i], unpack_[i]);
+    for (size_t i = 0; i < std::size(kToggles); ++i) set(gl, kToggles[i], toggles_[i]);
+    const Blend& first = drawBuffers_[0].factors;
+    gl.BlendEquationSeparate(first.equationRgb, first.equationAlpha);
+    gl.BlendFuncSeparate(first.srcRgb, first.dstRgb, first.srcAlpha, first.dstAlpha);
+    for (int i = 0; i < drawBufferCount_; ++i) {
+        const DrawBuffer& b = drawBuffers_[i];
+        (b.blend ? gl.Enablei : gl.Disablei)(GL_BLEND, i);
+        gl.ColorMaski(i, b.mask[0], b.mask[1], b.mask[2], b.mask[3]);
+        if (gl.BlendFuncSeparatei) {
+            gl.BlendEquationSeparatei(i, b.factors.equationRgb, b.factors.equationAlpha);
+            gl.BlendFuncSeparatei(i, b.factors.srcRgb, b.factors.dstRgb, b.factors.srcAlpha, b.factors.dstAlpha);
+        }
+    }
+    if (polygonMode_[0] == polygonMode_[1]) {
+        gl.PolygonMode(GL_FRONT_AND_BACK, GLenum(polygonMode_[0]));
+    } else {
+        gl.PolygonMode(GL_FRONT, GLenum(polygonMode_[0]));
+        gl.PolygonMode(GL_BACK, GLenum(polygonMode_[1]));
+    }
+    set(gl, GL_DEPTH_TEST, depthTest_);
+    gl.DepthMask(depthMask_);
+    (scissor_ ? gl.Enablei : gl.Disablei)(GL_SCISSOR_TEST, 0);
+    setViewport(viewport_);
+}
+
+} // namespace nacre

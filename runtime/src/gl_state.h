@@ -1,0 +1,49 @@
+// Saves every piece of GL state the runtime touches and puts it back on scope exit.
+//
+// Left as the host set it, on purpose: during the final draw the host's framebuffer, draw buffers, viewport, scissor, stencil test,
+// depth function, depth clamp, sRGB encoding, multisampling and clip control apply.
+#pragma once
+
+#include "gl_api.h"
+
+#include <array>
+
+namespace nacre {
+
+constexpr int kTextureUnits = 5; // units 0..4 are used
+
+class GlStateGuard {
+public:
+    explicit GlStateGuard(const Gl& gl);
+    ~GlStateGuard();
+    GlStateGuard(const GlStateGuard&) = delete;
+    GlStateGuard& operator=(const GlStateGuard&) = delete;
+
+    /// State for the relighting passes: plain overwrite of float targets, no tests.
+    void beginPasses();
+    /// Back to the host's framebuffer, viewport and scissor, with premultiplied blending and no depth writes.
+    void beginDraw(bool depthTest);
+
+private:
+    static constexpr int kMaxDrawBuffers = 8;
+    static constexpr size_t kToggleCount = 18;
+    struct Unit { GLint texture2D, texture2DArray, sampler; };
+    struct Blend { GLint srcRgb, dstRgb, srcAlpha, dstAlpha, equationRgb, equationAlpha; };
+    struct DrawBuffer { GLboolean blend, mask[4]; Blend factors; };
+
+    void setViewport(const float box[4]) const;
+    Blend readBlend(int drawBuffer) const;
+
+    const Gl& gl_;
+    int drawBufferCount_;
+    GLint drawFramebuffer_, readFramebuffer_, vertexArray_, program_, activeTexture_, unpackBuffer_;
+    std::array<Unit, kTextureUnits> units_;
+    std::array<DrawBuffer, kMaxDrawBuffers> drawBuffers_;
+    std::array<GLint, 8> unpack_;
+    std::array<GLboolean, kToggleCount> toggles_;
+    GLint polygonMode_[2];
+    GLboolean depthTest_, depthMask_, scissor_;
+    float viewport_[4];
+};
+
+} // namespace nacre

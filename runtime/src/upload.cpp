@@ -1,0 +1,249 @@
+// Puts a decoded asset into textures. Coefficients are stored as half floats (relative error at most 2^-11), geometry
+// as float.
+#include "asset.h"
+
+#include "appearance/bigs/bigs.h"
+#include "gl_state.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace nacre {
+
+constexpr float kMaxHalf = 65504.0f;
+
+/// Nearest half, ties to even. |x| <= kMaxHalf.
+static uint16_t halfFromFloat(float x)
+{
+    const uint32_t bits = std::bit_cast<uint32_t>(x), sign = bits >> 16 & 0x8000u;
+    const float magnitude = std::abs(x);
+    if (magnitude < 6.103515625e-05f) // subnormal half: adding 0.5 leaves the multiple of 2^-24 in the low mantissa bits
+        return uint16_t(sign | (std::bit_cast<uint32_t>(magnitude + 0.5f) - std::bit_cast<uint32_t>(0.5f)));
+    const uint32_t rebased = (bits & 0x7fffffffu) - (112u << 23);
+    return uint16_t(sign | (rebased + 0xfffu + (rebased >> 13 & 1u)) >> 13);
+}
+
+void bindTexture(const Gl& gl, int unit, GLenum target, GLuint texture)
+{
+    gl.ActiveTexture(GL_TEXTURE0 + GLenum(unit));
+    gl.BindTexture(target, texture);
+}
+
+static void setNearest(const Gl& gl, GLenum target)
+{
+    gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST); // no mip levels: the default filter would make it incomplete
+    gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    gl.TexParameteri(target, GL_TEXTURE_MAX_LEVEL, 0);
+}
+
+GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots, int layers)
+{
+    const Gl& gl = asset.context->gl;
+    const GLenum target = layers > 0 ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
+    const bool index = format == GL_R32UI;
+    const GLenum external = index ? GL_RED_INTEGER : GL_RGBA, type = index ? GL_UNSIGNED_INT : GL_FLOAT;
+    const int height = asset.rows * slots;
+    GLuint texture = 0;
+    gl.GenTextures(1, &texture);
+    bindTexture(gl, 0, target, texture);
+    setNearest(gl, target);
+    if (layers > 0) gl.TexImage3D(target, 0, GLint(format), asset.width, height, layers, 0, external, type, nullptr);
+    else gl.TexImage2D(target, 0, GLint(format), asset.width, height, 0, external, type, nullptr);
+    const uint64_t texelBytes = format == GL_RGBA32F ? 16 : format == GL_RGBA16F ? 8 : 4;
+    asset.gpuBytes += texelBytes * uint64_t(asset.width) * uint64_t(height) * uint64_t(std::max(layers, 1));
+    return texture;
+}
+
+/// Chooses the grid: the narrowest that keeps every texture, with all of s on one layer if the limits allow.
+static Failure chooseLayout(NacreAssetImpl& asset)
+{
+    constexpr int kLightSlots = NACRE_MAX_LIGHTS / 4; // the most slots of a plain 2D texture
+    const Gl& gl = asset.context->gl;
+    const int pairs = bigsPairCount(asset.sFunctions);
+    const int64_t maxSize = gl.maxTextureSize, count = asset.count;
+    int64_t width = 64;
+    const auto rows = [&] { return (count + width - 1) / width; };
+    while (rows() * std::max(pairs, kLightSlots) > maxSize && 2 * width <= maxSize) width *= 2;
+    if (rows() * kLightSlots > maxSize)
+        return {NACRE_ERROR_UNSUPPORTED, "the asset has " + std::to_string(count) + " splats, this GPU's textures (GL_MAX_TEXTURE_SIZE " +
+                                             std::to_string(maxSize) + ") hold at most " +
+                                             std::to_string(maxSize / kLightSlots * width)};
+    asset.width = int(width);
+    asset.rows = int(rows());
+    asset.slotShift = std::bit_width(unsigned(maxSize / asset.rows)) - 1; // slots per layer, rounded down to a power of two
+    if (rows() * pairs <= maxSize) asset.slotShift = 16;                  // one layer
+    const int layers = (pairs + (1 << asset.slotShift) - 1) >> asset.slotShift;
+    if (layers > gl.maxArrayLayers)
+        return {NACRE_ERROR_UNSUPPORTED, "the asset's s needs " + std::to_string(layers) + " texture layers, this GPU has " +
+                                             std::to_string(gl.maxArrayLayers) + "; bake with a smaller s"};
+    return {};
+}
+
+static Failure checkHalfRange(const Channel& channel)
+{
+    for (size_t i = 0; i < channel.values.size(); ++i)
+        if (!(std::abs(channel.values[i]) <= kMaxHalf))
+            return {NACRE_ERROR_BAD_ASSET, "channel '" + channel.name + "' has a value of " + std::to_string(channel.values[i]) +
+                                               " at splat " + std::to_string(i / channel.components) +
+                                               ", the largest that can be drawn is 65504"};
+    return {};
+}
+
+/// texel(g) for every splat of one slot, then one upload. T is float or uint16_t (half).
+template <class T, class Texel>
+static void uploadSlot(const NacreAssetImpl& asset, std::vector<T>& staging, int slot, int layer, bool array, Texel texel)
+{
+    const Gl& gl = asset.context->gl;
+    staging.assign(size_t(4) * size_t(asset.width) * size_t(asset.rows), T(0));
+    for (size_t g = 0; g < asset.count; ++g) texel(g, &staging[4 * g]);
+    const GLenum type = sizeof(T) == 2 ? GL_HALF_FLOAT : GL_FLOAT;
+    const int y = slot * asset.rows;
+    if (array) gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, y, layer, asset.width, asset.rows, 1, GL_RGBA, type, staging.data());
+    else gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, y, asset.width, asset.rows, GL_RGBA, type, staging.data());
+}
+
+static void uploadGeometry(NacreAssetImpl& asset, const SplatCloud& cloud, const Channel& rho)
+{
+    std::vector<float> staging;
+    asset.geometry = createSlotTexture(asset, GL_RGBA32F, kGeometrySlots);
+    uploadSlot(asset, staging, kMeanOpacity, 0, false, [&](size_t g, float* t) {
+        const glm::vec3& p = cloud.positions[g];
+        t[0] = p.x, t[1] = p.y, t[2] = p.z, t[3] = cloud.opacities[g];
+    });
+    uploadSlot(asset, staging, kRotation, 0, false, [&](size_t g, float* t) {
+        const glm::quat q = glm::normalize(cloud.rotations[g]);
+        t[0] = q.x, t[1] = q.y, t[2] = q.z, t[3] = q.w;
+    });
+    uploadSlot(asset, staging, kScale, 0, false, [&](size_t g, float* t) {
+        for (int c = 0; c < 3; ++c) t[c] = cloud.scales[g][c];
+    });
+    uploadSlot(asset, staging, kRho, 0, false, [&](size_t g, float* t) {
+        for (int c = 0; c < 3; ++c) t[c] = rho.values[3 * g + size_t(c)];
+    });
+}
+
+static void uploadCoefficients(NacreAssetImpl& asset, const Channel& tDir, const Channel& tInd, const Channel* s)
+{
+    std::vector<uint16_t> staging;
+    asset.transport = createSlotTexture(asset, GL_RGBA16F, kBigsTransportFunctions);
+    for (int i = 0; i < kBigsTransportFunctions; ++i)
+        uploadSlot(asset, staging, i, 0, false, [&](size_t g, uint16_t* t) {
+            const size_t k = g * kBigsTransportFunctions + size_t(i);
+            for (size_t c = 0; c < 3; ++c) t[c] = halfFromFloat(tInd.values[3 * k + c]);
+            t[3] = halfFromFloat(tDir.values[k]);
+        });
+    if (!s) return;
+    const int pairs = bigsPairCount(asset.sFunctions), perLayer = std::min(pairs, 1 << asset.slotShift);
+    asset.scatter = createSlotTexture(asset, GL_RGBA16F, perLayer, (pairs + perLayer - 1) / perLayer);
+    for (int pair = 0; pair < pairs; ++pair)
+        uploadSlot(asset, staging, pair % perLayer, pair / perLayer, true, [&](size_t g, uint16_t* t) {
+            const float* c = &s->values[3 * (g * size_t(pairs) + size_t(pair))];
+            for (int k = 0; k < 3; ++k) t[k] = halfFromFloat(c[k]);
+        });
+}
+
+static GLuint createTarget(NacreAssetImpl& asset, GLuint texture)
+{
+    const Gl& gl = asset.context->gl;
+    GLuint framebuffer = 0;
+    gl.GenFramebuffers(1, &framebuffer);
+    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+    gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
+    return framebuffer;
+}
+
+static Failure createTargets(NacreAssetImpl& asset)
+{
+    const Gl& gl = asset.context->gl;
+    asset.color = createSlotTexture(asset, GL_RGBA32F, 1);
+    asset.combineFramebuffer = createTarget(asset, asset.color);
+    bool complete = gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+    if (asset.sFunctions > 0) {
+        asset.contracted = createSlotTexture(asset, GL_RGBA32F, asset.sFunctions);
+        asset.viewFramebuffer = createTarget(asset, asset.contracted);
+        complete = complete && gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+    }
+    if (!complete) return {NACRE_ERROR_GL, "this GPU cannot render into RGBA32F textures, which relighting needs"};
+    gl.GenFramebuffers(1, &asset.lightFramebuffer); // its textures are made when the number of lights is known
+
+    asset.order = createSlotTexture(asset, GL_R32UI, 1);
+    gl.GenTextures(1, &asset.lights);
+    bindTexture(gl, 0, GL_TEXTURE_2D, asset.lights);
+    setNearest(gl, GL_TEXTURE_2D);
+    gl.TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, NACRE_MAX_LIGHTS, 2, 0, GL_RGBA, GL_FLOAT, nullptr);
+    asset.gpuBytes += uint64_t(NACRE_MAX_LIGHTS) * 2 * 16;
+    return {};
+}
+
+/// The quads of all splats as triangles, shared by the assets of a context.
+static void growIndexBuffer(NacreContextImpl& context, size_t splats)
+{
+    const Gl& gl = context.gl;
+    if (!context.vertexArray) {
+        gl.GenVertexArrays(1, &context.vertexArray);
+        gl.GenBuffers(1, &context.indexBuffer);
+    }
+    if (splats <= context.indexedSplats) return;
+    std::vector<uint32_t> indices(6 * splats);
+    for (size_t n = 0; n < splats; ++n)
+        for (size_t k = 0; k < 6; ++k) indices[6 * n + k] = uint32_t(4 * n + (k < 3 ? k : k == 3 ? 2 : k == 4 ? 1 : 3));
+    gl.BindVertexArray(context.vertexArray);
+    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, context.indexBuffer);
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, GLsizeiptr(indices.size() * sizeof(uint32_t)), indices.data(), GL_STATIC_DRAW);
+    context.indexedSplats = splats;
+}
+
+Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAssetImpl& asset)
+{
+    const Gl& gl = context.gl;
+    asset.context = &context;
+    const Channel *tDir = source.find("tDir"), *tInd = source.find("tInd"), *rho = source.find("rho"), *s = source.find("s");
+    if (source.model != "bigs" || !tDir || !tInd || !rho)
+        return {NACRE_ERROR_UNSUPPORTED, "this version draws the model 'bigs', the asset's is '" + source.model + "'"};
+    if (source.cloud.count > (size_t(1) << 28))
+        return {NACRE_ERROR_UNSUPPORTED, "the asset has " + std::to_string(source.cloud.count) + " splats, the most is 2^28"};
+    for (const Channel& channel : source.channels)
+        if (Failure f = checkHalfRange(channel)) return f;
+
+    asset.count = uint32_t(source.cloud.count);
+    while (s && 3 * uint32_t(bigsPairCount(asset.sFunctions)) < s->components) ++asset.sFunctions;
+    asset.lowPassVariance = source.lowPassVariance;
+    asset.yUpFromAsset = source.yUpFromAsset;
+    asset.positions = source.cloud.positions;
+    asset.boundsMin = asset.boundsMax = asset.positions.at(0);
+    for (const glm::vec3& p : asset.positions) {
+        asset.boundsMin = glm::min(asset.boundsMin, p);
+        asset.boundsMax = glm::max(asset.boundsMax, p);
+    }
+    for (const glm::vec3& v : source.cloud.scales) asset.maxScales.push_back(std::max({v.x, v.y, v.z}));
+    if (Failure f = chooseLayout(asset)) return f;
+
+    if (const GLenum pending = takeGlError(gl); pending != GL_NO_ERROR)
+        context.report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(pending) + "; it was cleared");
+    GlStateGuard guard(gl);
+    uploadGeometry(asset, source.cloud, *rho);
+    uploadCoefficients(asset, *tDir, *tInd, s);
+    if (Failure f = createTargets(asset)) return f;
+    growIndexBuffer(context, asset.count);
+    if (Failure f = compilePrograms(asset)) return f;
+    const GLenum error = takeGlError(gl);
+    if (error == GL_OUT_OF_MEMORY)
+        return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory: the asset needs " + std::to_string(asset.gpuBytes >> 20) + " MiB"};
+    if (error != GL_NO_ERROR) return {NACRE_ERROR_GL, "uploading the asset raised GL error " + std::to_string(error)};
+    return {};
+}
+
+void destroyAsset(NacreAssetImpl& asset)
+{
+    if (!asset.context) return; // upload did not start
+    const Gl& gl = asset.context->gl; // names of zero are ignored by GL
+    const GLuint textures[] = {asset.geometry, asset.transport, asset.scatter, asset.contracted, asset.direct,
+                               asset.indirect, asset.color,     asset.lights,  asset.order};
+    const GLuint framebuffers[] = {asset.lightFramebuffer, asset.viewFramebuffer, asset.combineFramebuffer};
+    gl.DeleteFramebuffers(GLsizei(std::size(framebuffers)), framebuffers);
+    gl.DeleteTextures(GLsizei(std::size(textures)), textures);
+    for (const Program* p : {&asset.lightPass, &asset.viewPass, &asset.combinePass, &asset.splatProgram}) gl.DeleteProgram(p->name);
+}
+
+} // namespace nacre
