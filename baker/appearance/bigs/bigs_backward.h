@@ -1,0 +1,89 @@
+// Gradient of the bigs evaluator (formats/appearance/bigs/bigs.h) with respect to its coefficients. Scalar reference, host and device.
+//
+// Directions and falloff are held constant within a step, as in BiGS: moving a Gaussian by its own size turns them by size / distance,
+// orders of magnitude less than what the same move does on the image plane.
+#pragma once
+
+#include "appearance/bigs/bigs.h"
+
+namespace nacre {
+
+/// Gradient of one light's radiance. dTransport is the gradient with respect to bigsTransport of each channel. Adds to `d`.
+/// `leaky` lets a clamped-off value feel the gradient when descent would raise it, so that dead coefficients come back to life;
+/// without it this is the exact derivative of the clamps.
+template <class T>
+NACRE_HD inline void bigsTransportBackward(const BigsTerms<T>& t, const T dTransport[3], bool leaky, BigsTerms<T>& d)
+{
+    const T zero = T(0);
+    const auto pass = [&](T value, T gradient) { return value > zero || (leaky && gradient < zero) ? gradient : zero; };
+    const T direct = t.direct > zero ? t.direct : zero;
+    T dDirect = zero;
+    for (int c = 0; c < 3; ++c) {
+        dDirect += dTransport[c] * (t.scatter[c] > zero ? t.scatter[c] : zero);
+        d.scatter[c] += pass(t.scatter[c], dTransport[c] * direct);
+        d.indirect[c] += pass(t.indirect[c], dTransport[c]);
+    }
+    d.direct += pass(t.direct, dDirect);
+}
+
+/// Weights of the regularisers of BiGS eq. 13, per Gaussian and direction pair.
+template <class T>
+struct BigsRegularizers {
+    T positive; // eq. 15: squares of what the clamps cut off, of T_dir, T_ind and rho + s
+    T energy;   // eq. 14: (integral of s over w_o - 1)^2 where positive
+};
+
+/// Adds the gradient of positive * (min(T_dir,0)^2 + sum_c min(T_ind,0)^2 + sum_c min(rho+s,0)^2) to `d`.
+template <class T>
+NACRE_HD inline void bigsPositiveBackward(const BigsTerms<T>& t, T weight, BigsTerms<T>& d)
+{
+    const auto slope = [&](T x) { return x < T(0) ? T(2) * weight * x : T(0); };
+    d.direct += slope(t.direct);
+    for (int c = 0; c < 3; ++c) d.scatter[c] += slope(t.scatter[c]), d.indirect[c] += slope(t.indirect[c]);
+}
+
+/// Integral of s(w_t, .) over all exitant directions, one channel: only the constant function survives, its integral is sqrt(4 pi).
+template <class T>
+NACRE_HD inline T bigsScatteredEnergy(const BigsCoefficients<T>& g, const T* yLight, int c)
+{
+    T sum = T(0);
+    for (int i = 0; i < g.sFunctions; ++i) sum += g.s[3 * bigsPair(0, i) + c] * yLight[i];
+    return T(3.5449077018110320) * sum;
+}
+
+/// Where the gradient of one Gaussian's coefficients goes; same layout as BigsCoefficients.
+template <class T>
+struct BigsGradient {
+    T *tDir, *tInd, *rho, *s;
+};
+
+/// Adds the gradient of one light's terms. yView, yLight: 25 SH of w_o and w_t.
+template <class T>
+NACRE_HD inline void bigsTermsBackward(int sFunctions, const T* yView, const T* yLight, const BigsTerms<T>& d, BigsGradient<T>& out)
+{
+    for (int i = 0; i < kBigsTransportFunctions; ++i) {
+        out.tDir[i] += d.direct * yLight[i];
+        for (int c = 0; c < 3; ++c) out.tInd[3 * i + c] += d.indirect[c] * yLight[i];
+    }
+    for (int c = 0; c < 3; ++c) {
+        out.rho[c] += d.scatter[c];
+        for (int b = 0; b < sFunctions; ++b)
+            for (int a = 0; a <= b; ++a)
+                out.s[3 * bigsPair(a, b) + c] +=
+                    d.scatter[c] * (a == b ? yLight[a] * yView[a] : yLight[a] * yView[b] + yLight[b] * yView[a]);
+    }
+}
+
+/// Adds the gradient of weight * sum_c max(energy_c - 1, 0)^2.
+template <class T>
+NACRE_HD inline void bigsEnergyBackward(const BigsCoefficients<T>& g, const T* yLight, T weight, BigsGradient<T>& out)
+{
+    for (int c = 0; c < 3; ++c) {
+        const T excess = bigsScatteredEnergy(g, yLight, c) - T(1);
+        if (!(excess > T(0))) continue;
+        for (int i = 0; i < g.sFunctions; ++i)
+            out.s[3 * bigsPair(0, i) + c] += T(2) * weight * excess * T(3.5449077018110320) * yLight[i];
+    }
+}
+
+} // namespace nacre

@@ -1,0 +1,469 @@
+// SIMD twin of bigs.h and bigs_backward.h over blocks of 16 splats, one splat per lane. Parity test: tests/unit/train_bigs.cpp.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "appearance/bigs/bigs_training.cpp"
+#ifndef HWY_DISABLED_TARGETS
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#endif
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include "appearance/bigs/bigs_backward.h"
+#include "appearance/bigs/bigs_training.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#ifndef NACRE_BIGS_SHARED
+#define NACRE_BIGS_SHARED
+namespace nacre {
+
+constexpr int kTDir = 0, kTInd = 25, kRho = 100, kScatter = 103; // first coefficient of each channel
+constexpr int kTermsPerLight = 7;                                // direct, scatter rgb, indirect rgb
+
+/// One block's splats, gathered from the per-splat arrays.
+struct BlockInput {
+    alignas(64) float position[3][kLanes16];
+    uint32_t visible[kLanes16];
+    int lanes;      // how many splats the block has
+    bool any;       // at least one is visible
+};
+
+inline BlockInput gatherBlock(size_t block, std::span<const GaussianGeometry<float>> geometry, std::span<const uint32_t> visibleFromSplat)
+{
+    BlockInput in;
+    in.lanes = int(std::min<size_t>(kLanes16, geometry.size() - block * kLanes16));
+    in.any = false;
+    for (int l = 0; l < kLanes16; ++l) {
+        const size_t splat = block * kLanes16 + std::min(l, in.lanes - 1);
+        in.visible[l] = l < in.lanes ? visibleFromSplat[splat] : ~0u;
+        in.any = in.any || in.visible[l] != ~0u;
+        for (int k = 0; k < 3; ++k) in.position[k][l] = geometry[splat].position[k];
+    }
+    return in;
+}
+
+} // namespace nacre
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace nacre {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D = hn::CappedTag<float, kLanes16>;
+using V = hn::Vec<D>;
+constexpr int kN = int(hn::MaxLanes(D()));
+
+HWY_INLINE V set(float x) { return hn::Set(D(), x); }
+HWY_INLINE V zero() { return hn::Zero(D()); }
+
+// Twin of shBasis<25>.
+void shBasis25(V x, V y, V z, V* out)
+{
+    const V xx = hn::Mul(x, x), yy = hn::Mul(y, y), zz = hn::Mul(z, z), xy = hn::Mul(x, y), yz = hn::Mul(y, z), xz = hn::Mul(x, z);
+    const auto mul = [](float k, V v) { return hn::Mul(set(k), v); };
+    const V xxMinusYy = hn::Sub(xx, yy);
+    const V x2MinusY2times3 = hn::Sub(hn::Mul(set(3), xx), yy), xxMinus3yy = hn::Sub(xx, hn::Mul(set(3), yy));
+    const V zz7m1 = hn::MulAdd(set(7), zz, set(-1)), zz7m3 = hn::MulAdd(set(7), zz, set(-3));
+    const V zz4 = hn::Sub(hn::Sub(hn::Mul(set(4), zz), xx), yy);
+    out[0] = set(0.28209479177387814f);
+    out[1] = mul(-0.48860251190291992f, y);
+    out[2] = mul(0.48860251190291992f, z);
+    out[3] = mul(-0.48860251190291992f, x);
+    out[4] = mul(1.0925484305920792f, xy);
+    out[5] = mul(-1.0925484305920792f, yz);
+    out[6] = mul(0.31539156525252005f, hn::Sub(hn::Sub(hn::Add(zz, zz), xx), yy));
+    out[7] = mul(-1.0925484305920792f, xz);
+    out[8] = mul(0.54627421529603959f, xxMinusYy);
+    out[9] = mul(-0.59004358992664352f, hn::Mul(y, x2MinusY2times3));
+    out[10] = mul(2.8906114426405538f, hn::Mul(xy, z));
+    out[11] = mul(-0.45704579946446577f, hn::Mul(y, zz4));
+    out[12] = mul(0.37317633259011546f, hn::Mul(z, hn::Sub(hn::Add(zz, zz), hn::Mul(set(3), hn::Add(xx, yy)))));
+    out[13] = mul(-0.45704579946446577f, hn::Mul(x, zz4));
+    out[14] = mul(1.4453057213202769f, hn::Mul(z, xxMinusYy));
+    out[15] = mul(-0.59004358992664352f, hn::Mul(x, xxMinus3yy));
+    out[16] = mul(2.5033429417967046f, hn::Mul(xy, xxMinusYy));
+    out[17] = mul(-1.7701307697799304f, hn::Mul(yz, x2MinusY2times3));
+    out[18] = mul(0.94617469575756008f, hn::Mul(xy, zz7m1));
+    out[19] = mul(-0.66904654355728921f, hn::Mul(yz, zz7m3));
+    out[20] = mul(0.10578554691520431f, hn::MulAdd(zz, hn::MulAdd(set(35), zz, set(-30)), set(3)));
+    out[21] = mul(-0.66904654355728921f, hn::Mul(xz, zz7m3));
+    out[22] = mul(0.47308734787878004f, hn::Mul(xxMinusYy, zz7m1));
+    out[23] = mul(-1.7701307697799304f, hn::Mul(xz, xxMinus3yy));
+    out[24] = mul(0.62583573544917614f, hn::Sub(hn::Mul(xx, xxMinus3yy), hn::Mul(yy, x2MinusY2times3)));
+}
+
+// SH of all directions of one half-block and the irradiance factor of each light. Entry [lightCount] is the random light.
+struct Directions {
+    V yView[25];
+    V yLight[kMaxLightsPerStep + 1][25];
+    V falloff[kMaxLightsPerStep];
+};
+
+HWY_INLINE void unitSh(V dx, V dy, V dz, V length2, V* out)
+{
+    const auto usable = hn::Gt(length2, set(1e-20f)); // samplePointLight's +Z where there is no direction
+    const V inv = hn::Div(set(1), hn::Sqrt(hn::IfThenElse(usable, length2, set(1))));
+    shBasis25(hn::IfThenElseZero(usable, hn::Mul(dx, inv)), hn::IfThenElseZero(usable, hn::Mul(dy, inv)),
+              hn::IfThenElse(usable, hn::Mul(dz, inv), set(1)), out);
+}
+
+void evaluateDirections(const BlockInput& in, int lane, const BigsView& view, const float* randomLight, Directions& d)
+{
+    const V px = hn::Load(D(), in.position[0] + lane), py = hn::Load(D(), in.position[1] + lane), pz = hn::Load(D(), in.position[2] + lane);
+    const auto towards = [&](float x, float y, float z, V* out) {
+        const V dx = hn::Sub(set(x), px), dy = hn::Sub(set(y), py), dz = hn::Sub(set(z), pz);
+        const V length2 = hn::MulAdd(dx, dx, hn::MulAdd(dy, dy, hn::Mul(dz, dz)));
+        unitSh(dx, dy, dz, length2, out);
+        return length2;
+    };
+    towards(view.eye[0], view.eye[1], view.eye[2], d.yView);
+    for (int t = 0; t < view.lightCount; ++t) {
+        const Light& light = view.lights[t];
+        if (light.type == LightType::kPoint) {
+            const V length2 = towards(light.position.x, light.position.y, light.position.z, d.yLight[t]);
+            const float radius = std::max(light.radius, kMinLightRadius);
+            d.falloff[t] = hn::Div(set(1), hn::Max(length2, set(radius * radius)));
+        } else {
+            shBasis25(set(light.directionToLight.x), set(light.directionToLight.y), set(light.directionToLight.z), d.yLight[t]);
+            d.falloff[t] = set(1);
+        }
+    }
+    if (randomLight) shBasis25(set(randomLight[0]), set(randomLight[1]), set(randomLight[2]), d.yLight[view.lightCount]);
+}
+
+// a[i][c] = sum_j c_ij,c y_j(w_o), twin of bigsContractView.
+void contractView(const float* s, int functions, const V* yView, V* a)
+{
+    const D d;
+    for (int i = 0; i < 3 * functions; ++i) a[i] = zero();
+    for (int c = 0; c < 3; ++c) {
+        const float* coefficient = s + c * kLanes16;
+        for (int j = 0; j < functions; ++j) {
+            V sum = zero();
+            for (int i = 0; i < j; ++i, coefficient += 3 * kLanes16) {
+                const V x = hn::Load(d, coefficient);
+                sum = hn::MulAdd(x, yView[i], sum);
+                a[3 * i + c] = hn::MulAdd(x, yView[j], a[3 * i + c]);
+            }
+            sum = hn::MulAdd(hn::Load(d, coefficient), yView[j], sum);
+            coefficient += 3 * kLanes16;
+            a[3 * j + c] = hn::Add(a[3 * j + c], sum);
+        }
+    }
+}
+
+struct Terms {
+    V direct, scatter[3], indirect[3];
+};
+
+// Twin of bigsTerms for `lights` lights at once, so that every coefficient is loaded once.
+void evaluateTerms(const float* value, const BigsView& view, const Directions& dir, int lights, Terms* t)
+{
+    const D d;
+    V a[3 * kMaxShFunctions];
+    contractView(value + kScatter * kLanes16, view.scatterFunctions, dir.yView, a);
+    for (int l = 0; l < lights; ++l) {
+        t[l].direct = zero();
+        for (int c = 0; c < 3; ++c) t[l].indirect[c] = zero(), t[l].scatter[c] = hn::Load(d, value + (kRho + c) * kLanes16);
+    }
+    for (int k = 0; k < view.directFunctions; ++k) {
+        const V x = hn::Load(d, value + (kTDir + k) * kLanes16);
+        for (int l = 0; l < lights; ++l) t[l].direct = hn::MulAdd(x, dir.yLight[l][k], t[l].direct);
+    }
+    for (int k = 0; k < view.indirectFunctions; ++k)
+        for (int c = 0; c < 3; ++c) {
+            const V x = hn::Load(d, value + (kTInd + 3 * k + c) * kLanes16);
+            for (int l = 0; l < lights; ++l) t[l].indirect[c] = hn::MulAdd(x, dir.yLight[l][k], t[l].indirect[c]);
+        }
+    for (int k = 0; k < view.scatterFunctions; ++k)
+        for (int c = 0; c < 3; ++c)
+            for (int l = 0; l < lights; ++l) t[l].scatter[c] = hn::MulAdd(a[3 * k + c], dir.yLight[l][k], t[l].scatter[c]);
+}
+
+void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInput& in, const BigsView& view, float* colors, float* terms)
+{
+    const D d;
+    alignas(64) float lanes[3 + kTermsPerLight][kN];
+    for (int lane = 0; lane < kLanes16; lane += kN) {
+        Directions dir;
+        evaluateDirections(in, lane, view, nullptr, dir);
+        Terms t[kMaxLightsPerStep];
+        evaluateTerms(parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane, view, dir, view.lightCount, t);
+        for (int l = 0; l < view.lightCount; ++l) {
+            for (int c = 0; c < 3; ++c) {
+                const V transport = hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), hn::Max(t[l].indirect[c], zero()));
+                hn::Store(hn::Mul(hn::Mul(transport, dir.falloff[l]), set(view.lights[l].intensity[c])), d, lanes[c]);
+                hn::Store(t[l].scatter[c], d, lanes[4 + c]);
+                hn::Store(t[l].indirect[c], d, lanes[7 + c]);
+            }
+            hn::Store(t[l].direct, d, lanes[3]);
+            for (int k = 0; k < kN; ++k) {
+                const size_t v = in.visible[lane + k];
+                if (v == ~0u) continue;
+                for (int c = 0; c < 3; ++c) colors[v * 16 + 3 * l + c] = lanes[c][k];
+                for (int i = 0; i < kTermsPerLight; ++i) terms[v * kBigsTermStride + kTermsPerLight * l + i] = lanes[3 + i][k];
+            }
+        }
+    }
+}
+
+struct Adam {
+    V oneMinusBeta1, beta1, rate;
+    hn::Mask<D> on;
+    HWY_INLINE void step(float* value, float* momentum, V gradient) const
+    {
+        const D d;
+        const V m = hn::Load(d, momentum), x = hn::Load(d, value);
+        const V newM = hn::MulAdd(beta1, m, hn::Mul(oneMinusBeta1, gradient));
+        hn::Store(hn::IfThenElse(on, newM, m), d, momentum);
+        hn::Store(hn::IfThenElse(on, hn::NegMulAdd(rate, newM, x), x), d, value);
+    }
+};
+
+// Folds the mean square gradient of a group into its second moment and returns the step size rate / sqrt(v).
+HWY_INLINE V stepSize(float* secondMoment, V meanSquare, float rate, const BigsUpdate& u, hn::Mask<D> on)
+{
+    const D d;
+    const V old = hn::Load(d, secondMoment);
+    const V v = hn::MulAdd(set(u.beta2), old, hn::Mul(set(1 - u.beta2), meanSquare));
+    hn::Store(hn::IfThenElse(on, v, old), d, secondMoment);
+    const float correction1 = 1 - std::pow(u.beta1, float(u.step)), correction2 = 1 - std::pow(u.beta2, float(u.step));
+    const V root = hn::Sqrt(hn::Mul(v, set(1 / correction2)));
+    return hn::Div(set(rate / correction1), hn::Add(root, set(1e-15f)));
+}
+
+// Gradient gate of a clamp max(value, 0): open where value > 0 or where descent would raise it (bigsTransportBackward, leaky).
+HWY_INLINE V gate(V value, V gradient)
+{
+    return hn::IfThenElseZero(hn::Or(hn::Gt(value, zero()), hn::Lt(gradient, zero())), gradient);
+}
+
+void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& in, const uint8_t* active, const BigsView& view,
+                   const float* dColors, const float* terms, const BigsUpdate& update)
+{
+    const D d;
+    const bool regularized = update.positiveWeight > 0 || update.energyWeight > 0;
+    const int lights = view.lightCount + (regularized ? 1 : 0); // the random light is one more, without radiance
+    alignas(64) float scratch[kN];
+    for (int lane = 0; lane < kLanes16; lane += kN) {
+        bool any = false;
+        for (int k = 0; k < kN; ++k) {
+            const uint32_t v = in.visible[lane + k];
+            const bool on = v != ~0u && active[v];
+            scratch[k] = on ? 1.0f : 0.0f;
+            any = any || on;
+        }
+        if (!any) continue;
+        const auto on = hn::Gt(hn::Load(d, scratch), zero());
+        float* value = parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane;
+        float* momentum = parameters.momentum.data() + block * parameters.coefficients() * kLanes16 + lane;
+        float* second = parameters.secondMoment.data() + block * kBigsGroups * kLanes16 + lane;
+        const auto gather = [&](const float* from, size_t stride, int offset) {
+            for (int k = 0; k < kN; ++k) {
+                const size_t v = in.visible[lane + k];
+                scratch[k] = v != ~0u ? from[v * stride + offset] : 0.0f;
+            }
+            return hn::Load(d, scratch);
+        };
+
+        Directions dir;
+        evaluateDirections(in, lane, view, regularized ? update.randomLight : nullptr, dir);
+        Terms t[kMaxLightsPerStep + 1], g[kMaxLightsPerStep + 1];
+        if (regularized) {
+            evaluateTerms(value, view, dir, lights, t);
+        } else {
+            for (int l = 0; l < lights; ++l) {
+                t[l].direct = gather(terms, kBigsTermStride, kTermsPerLight * l);
+                for (int c = 0; c < 3; ++c) {
+                    t[l].scatter[c] = gather(terms, kBigsTermStride, kTermsPerLight * l + 1 + c);
+                    t[l].indirect[c] = gather(terms, kBigsTermStride, kTermsPerLight * l + 4 + c);
+                }
+            }
+        }
+        for (int l = 0; l < lights; ++l) {
+            V dDirect = zero();
+            for (int c = 0; c < 3; ++c) {
+                V dTransport = zero();
+                if (l < view.lightCount)
+                    dTransport = hn::Mul(hn::Mul(gather(dColors, 16, 3 * l + c), dir.falloff[l]), set(view.lights[l].intensity[c]));
+                dDirect = hn::MulAdd(dTransport, hn::Max(t[l].scatter[c], zero()), dDirect);
+                g[l].scatter[c] = gate(t[l].scatter[c], hn::Mul(dTransport, hn::Max(t[l].direct, zero())));
+                g[l].indirect[c] = gate(t[l].indirect[c], dTransport);
+            }
+            g[l].direct = gate(t[l].direct, dDirect);
+            if (update.positiveWeight > 0) {
+                const V w = set(2 * update.positiveWeight);
+                g[l].direct = hn::MulAdd(w, hn::Min(t[l].direct, zero()), g[l].direct);
+                for (int c = 0; c < 3; ++c) {
+                    g[l].scatter[c] = hn::MulAdd(w, hn::Min(t[l].scatter[c], zero()), g[l].scatter[c]);
+                    g[l].indirect[c] = hn::MulAdd(w, hn::Min(t[l].indirect[c], zero()), g[l].indirect[c]);
+                }
+            }
+        }
+
+        const V oneMinusBeta1 = set(1 - update.beta1), beta1 = set(update.beta1);
+        V gradient[75];
+        const auto stepGroup = [&](BigsGroup group, int first, int count) {
+            V square = zero();
+            for (int k = 0; k < count; ++k) square = hn::MulAdd(gradient[k], gradient[k], square);
+            const V rate = stepSize(second + group * kLanes16, hn::Mul(square, set(1.0f / float(count))), update.rate[group], update, on);
+            const Adam adam{oneMinusBeta1, beta1, rate, on};
+            for (int k = 0; k < count; ++k) adam.step(value + (first + k) * kLanes16, momentum + (first + k) * kLanes16, gradient[k]);
+        };
+
+        // h[i][c] = sum_t d(rho+s)_t,c y_i(w_t): the whole gradient of s is h y^T + y h^T
+        const int functions = view.scatterFunctions;
+        V h[3 * kMaxShFunctions];
+        for (int i = 0; i < functions; ++i)
+            for (int c = 0; c < 3; ++c) {
+                V sum = zero();
+                for (int l = 0; l < lights; ++l) sum = hn::MulAdd(g[l].scatter[c], dir.yLight[l][i], sum);
+                h[3 * i + c] = sum;
+            }
+        V energy[3 * kMaxShFunctions]; // extra gradient of the pairs (0, i)
+        if (update.energyWeight > 0 && functions > 0) {
+            for (int i = 0; i < 3 * functions; ++i) energy[i] = zero();
+            constexpr float kSqrt4Pi = 3.5449077018110320f;
+            for (int l = 0; l < lights; ++l)
+                for (int c = 0; c < 3; ++c) {
+                    V sum = zero();
+                    for (int i = 0; i < functions; ++i)
+                        sum = hn::MulAdd(hn::Load(d, value + (kScatter + 3 * (i * (i + 1) / 2) + c) * kLanes16), dir.yLight[l][i], sum);
+                    const V excess = hn::Max(hn::MulAdd(set(kSqrt4Pi), sum, set(-1)), zero());
+                    const V slope = hn::Mul(set(2 * kSqrt4Pi * update.energyWeight), excess);
+                    for (int i = 0; i < functions; ++i) energy[3 * i + c] = hn::MulAdd(slope, dir.yLight[l][i], energy[3 * i + c]);
+                }
+        }
+
+        if (update.rate[kGroupDirect] > 0) {
+            for (int k = 0; k < view.directFunctions; ++k) {
+                gradient[k] = zero();
+                for (int l = 0; l < lights; ++l) gradient[k] = hn::MulAdd(g[l].direct, dir.yLight[l][k], gradient[k]);
+            }
+            stepGroup(kGroupDirect, kTDir, view.directFunctions);
+        }
+        if (update.rate[kGroupIndirect] > 0 && view.indirectFunctions > 0) {
+            for (int k = 0; k < view.indirectFunctions; ++k)
+                for (int c = 0; c < 3; ++c) {
+                    V sum = zero();
+                    for (int l = 0; l < lights; ++l) sum = hn::MulAdd(g[l].indirect[c], dir.yLight[l][k], sum);
+                    gradient[3 * k + c] = sum;
+                }
+            stepGroup(kGroupIndirect, kTInd, 3 * view.indirectFunctions);
+        }
+        if (update.rate[kGroupRho] > 0) {
+            for (int c = 0; c < 3; ++c) {
+                gradient[c] = zero();
+                for (int l = 0; l < lights; ++l) gradient[c] = hn::Add(gradient[c], g[l].scatter[c]);
+            }
+            stepGroup(kGroupRho, kRho, 3);
+            for (int c = 0; c < 3; ++c) { // the albedo stays physical
+                float* rho = value + (kRho + c) * kLanes16;
+                hn::Store(hn::Min(hn::Max(hn::Load(d, rho), zero()), set(1)), d, rho);
+            }
+        }
+
+        // s, degree by degree. The mean square of a degree's gradient has a closed form from four running sums per channel:
+        // sum_{a<b} (h_a y_b + h_b y_a)^2 + sum_a (h_a y_a)^2 = |h|^2 |y|^2 + (h.y)^2 - sum_a (h_a y_a)^2
+        V yy = zero(), hh[3], hy[3], diagonal[3];
+        for (int c = 0; c < 3; ++c) hh[c] = hy[c] = diagonal[c] = zero();
+        V before = zero();
+        for (int degree = 0; degree * degree < functions; ++degree) {
+            const int b0 = degree * degree, b1 = (degree + 1) * (degree + 1);
+            V square = zero();
+            for (int b = b0; b < b1; ++b) {
+                yy = hn::MulAdd(dir.yView[b], dir.yView[b], yy);
+                for (int c = 0; c < 3; ++c) {
+                    const V x = hn::Mul(h[3 * b + c], dir.yView[b]);
+                    hh[c] = hn::MulAdd(h[3 * b + c], h[3 * b + c], hh[c]);
+                    hy[c] = hn::Add(hy[c], x);
+                    diagonal[c] = hn::MulAdd(x, x, diagonal[c]);
+                }
+            }
+            for (int c = 0; c < 3; ++c) square = hn::Add(square, hn::Sub(hn::MulAdd(hh[c], yy, hn::Mul(hy[c], hy[c])), diagonal[c]));
+            const int pairs = b1 * (b1 + 1) / 2 - b0 * (b0 + 1) / 2;
+            const V meanSquare = hn::Mul(hn::Max(hn::Sub(square, before), zero()), set(1.0f / float(3 * pairs)));
+            before = square;
+            const int group = kGroupScatter0 + degree;
+            if (!(update.rate[group] > 0)) continue;
+            const V rate = stepSize(second + group * kLanes16, meanSquare, update.rate[group], update, on);
+            const Adam adam{oneMinusBeta1, beta1, rate, on};
+            for (int b = b0; b < b1; ++b) {
+                const size_t row = size_t(kScatter + 3 * (b * (b + 1) / 2)) * kLanes16;
+                for (int a = 0; a <= b; ++a)
+                    for (int c = 0; c < 3; ++c) {
+                        V slope = hn::Mul(h[3 * a + c], dir.yView[b]);
+                        if (a < b) slope = hn::MulAdd(h[3 * b + c], dir.yView[a], slope);
+                        if (a == 0 && update.energyWeight > 0) slope = hn::Add(slope, energy[3 * b + c]);
+                        adam.step(value + row + (3 * a + c) * kLanes16, momentum + row + (3 * a + c) * kLanes16, slope);
+                    }
+            }
+        }
+    }
+}
+
+} // namespace HWY_NAMESPACE
+} // namespace nacre
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+#include <tbb/parallel_for.h>
+
+namespace nacre {
+
+HWY_EXPORT(forwardBlock);
+HWY_EXPORT(backwardBlock);
+
+void BigsParameters::resize(size_t newCount)
+{
+    count = newCount;
+    value.resize(blocks() * coefficients() * kLanes16);
+    momentum.resize(value.size());
+    secondMoment.resize(blocks() * kBigsGroups * kLanes16);
+}
+
+void BigsParameters::copySplat(size_t from, size_t to)
+{
+    for (int k = 0; k < coefficients(); ++k) value[index(to, k)] = value[index(from, k)], momentum[index(to, k)] = 0.0f;
+    for (int k = 0; k < kBigsGroups; ++k) secondMoment[(to / kLanes16 * kBigsGroups + k) * kLanes16 + to % kLanes16] = 0.0f;
+}
+
+void BigsParameters::permute(std::span<const uint32_t> order)
+{
+    const auto apply = [&](AlignedVector<float>& data, int rows) {
+        AlignedVector<float> out(data.size());
+        for (size_t i = 0; i < order.size(); ++i)
+            for (int k = 0; k < rows; ++k)
+                out[(i / kLanes16 * rows + k) * kLanes16 + i % kLanes16] = data[(order[i] / kLanes16 * rows + k) * kLanes16 + order[i] % kLanes16];
+        data.swap(out);
+    };
+    apply(value, coefficients());
+    apply(momentum, coefficients());
+    apply(secondMoment, kBigsGroups);
+}
+
+void bigsForward(const BigsParameters& parameters, std::span<const GaussianGeometry<float>> geometry,
+                 std::span<const uint32_t> visibleFromSplat, const BigsView& view, float* colors, float* terms)
+{
+    const auto run = HWY_DYNAMIC_DISPATCH(forwardBlock);
+    tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
+        const BlockInput in = gatherBlock(block, geometry, visibleFromSplat);
+        if (in.any) run(parameters, block, in, view, colors, terms);
+    });
+}
+
+void bigsBackwardAndStep(BigsParameters& parameters, std::span<const GaussianGeometry<float>> geometry,
+                         std::span<const uint32_t> visibleFromSplat, const uint8_t* active, const BigsView& view, const float* dColors,
+                         const float* terms, const BigsUpdate& update)
+{
+    const auto run = HWY_DYNAMIC_DISPATCH(backwardBlock);
+    tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
+        const BlockInput in = gatherBlock(block, geometry, visibleFromSplat);
+        if (in.any) run(parameters, block, in, active, view, dColors, terms, update);
+    });
+}
+
+} // namespace nacre
+#endif

@@ -1,0 +1,68 @@
+// bigs on the training side: coefficients of all splats, evaluated and updated with SIMD over splats.
+//
+// Layout: blocks of 16 splats, one cache line per coefficient: value[(block * coefficients + k) * 16 + lane]. Coefficients in the order
+// tDir 25, tInd 25x3, rho 3, s pairs x3. The gradient is never stored: the Adam step follows in registers. Adam keeps a momentum per
+// coefficient but one second moment per splat and group (tDir, tInd, rho, each degree of s): a third less traffic in a step that is
+// bound by memory, and noise averaged over the group.
+#pragma once
+
+#include "base/light.h"
+#include "render/aligned_vector.h"
+#include "render/projection.h"
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace nacre {
+
+constexpr int kLanes16 = 16;
+constexpr int kMaxLightsPerStep = 4;
+
+enum BigsGroup { kGroupDirect, kGroupIndirect, kGroupRho, kGroupScatter0, kBigsGroups = kGroupScatter0 + 5 };
+
+struct BigsParameters {
+    int sFunctions = 0;               // 0, 1, 4, 9, 16 or 25
+    size_t count = 0;
+    AlignedVector<float> value, momentum; // [blocks][coefficients()][16]
+    AlignedVector<float> secondMoment;    // [blocks][kBigsGroups][16]
+
+    int coefficients() const { return 103 + 3 * (sFunctions * (sFunctions + 1) / 2); }
+    size_t blocks() const { return (count + kLanes16 - 1) / kLanes16; }
+    size_t index(size_t splat, int k) const { return (splat / kLanes16 * coefficients() + k) * kLanes16 + splat % kLanes16; }
+    void resize(size_t newCount);     // new splats are zero
+    /// Row `to` becomes a copy of row `from`, its optimiser state cleared.
+    void copySplat(size_t from, size_t to);
+    /// splat i of the result is splat order[i] of this, optimiser state included.
+    void permute(std::span<const uint32_t> order);
+};
+
+/// One view under up to four lights, and how far the bands are switched on.
+struct BigsView {
+    float eye[3];
+    int lightCount = 0;
+    Light lights[kMaxLightsPerStep];  // point or directional
+    int directFunctions = 25, indirectFunctions = 25, scatterFunctions = 25; // SH functions in use now
+};
+
+struct BigsUpdate {
+    float rate[kBigsGroups] = {};
+    float beta1 = 0.9f, beta2 = 0.99f;
+    int step = 1;                     // from 1, for bias correction
+    float positiveWeight = 0, energyWeight = 0; // BigsRegularizers, already divided by the number of splats
+    float randomLight[3] = {0, 0, 1}; // a random direction at which the regularisers are evaluated too
+};
+
+constexpr int kBigsTermStride = 32;   // floats per visible splat: 7 per light
+
+/// Colours (radiance) of the visible splats: colors[visible][16], three per light. Keeps the unclamped terms for the backward pass.
+/// visibleFromSplat is ~0u for splats that are not visible.
+void bigsForward(const BigsParameters& parameters, std::span<const GaussianGeometry<float>> geometry,
+                 std::span<const uint32_t> visibleFromSplat, const BigsView& view, float* colors, float* terms);
+
+/// One Adam step of every visible splat with active[visible] != 0 from dColors[visible][16].
+void bigsBackwardAndStep(BigsParameters& parameters, std::span<const GaussianGeometry<float>> geometry,
+                         std::span<const uint32_t> visibleFromSplat, const uint8_t* active, const BigsView& view, const float* dColors,
+                         const float* terms, const BigsUpdate& update);
+
+} // namespace nacre

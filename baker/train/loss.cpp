@@ -1,0 +1,313 @@
+// Rows of each plane are processed with SIMD; partial sums per row are added in row order.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "train/loss.cpp"
+#ifndef HWY_DISABLED_TARGETS
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#endif
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include "train/loss.h"
+
+#include <cmath>
+
+#ifndef NACRE_LOSS_SHARED
+#define NACRE_LOSS_SHARED
+namespace nacre {
+
+constexpr int kTaps = 11, kRadius = kTaps / 2;
+
+struct RowSums { double absolute = 0, squared = 0, masked = 0, maskedCount = 0; };
+
+struct RowTask {
+    const float* render;       // one row of one channel, linear
+    const uint16_t* reference; // encoded
+    const uint16_t* mask;      // reference alpha
+    float* gradient;
+    float* encoded;            // may be null
+    float* slope;
+    int width;
+    float weight;              // of |difference| in the gradient
+};
+
+struct Taps {
+    float w[kTaps];
+    Taps()
+    {
+        double sum = 0, k[kTaps];
+        for (int i = 0; i < kTaps; ++i) sum += k[i] = std::exp(-0.5 * (i - kRadius) * (i - kRadius) / (1.5 * 1.5));
+        for (int i = 0; i < kTaps; ++i) w[i] = float(k[i] / sum);
+    }
+};
+static const Taps kGaussian;
+
+} // namespace nacre
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace nacre {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D = hn::ScalableTag<float>;
+using V = hn::Vec<D>;
+
+// log2 of a positive normal number, absolute error 2e-7: atanh series around the nearest power of two.
+HWY_INLINE V log2(V x)
+{
+    const D d;
+    const hn::RebindToSigned<D> di;
+    const auto bits = hn::BitCast(di, x);
+    auto exponent = hn::Sub(hn::ShiftRight<23>(bits), hn::Set(di, 127));
+    auto mantissa = hn::BitCast(d, hn::Or(hn::And(bits, hn::Set(di, 0x007fffff)), hn::Set(di, 0x3f800000)));
+    const auto big = hn::Gt(mantissa, hn::Set(d, 1.41421356f));
+    mantissa = hn::IfThenElse(big, hn::Mul(mantissa, hn::Set(d, 0.5f)), mantissa);
+    const V e = hn::Add(hn::ConvertTo(d, exponent), hn::IfThenElseZero(big, hn::Set(d, 1.0f)));
+    const V s = hn::Div(hn::Sub(mantissa, hn::Set(d, 1.0f)), hn::Add(mantissa, hn::Set(d, 1.0f)));
+    const V s2 = hn::Mul(s, s);
+    V p = hn::Set(d, 1.0f / 9);
+    p = hn::MulAdd(p, s2, hn::Set(d, 1.0f / 7));
+    p = hn::MulAdd(p, s2, hn::Set(d, 1.0f / 5));
+    p = hn::MulAdd(p, s2, hn::Set(d, 1.0f / 3));
+    p = hn::MulAdd(p, s2, hn::Set(d, 1.0f));
+    return hn::MulAdd(hn::Mul(p, s), hn::Set(d, 2.88539008f), e);
+}
+
+HWY_INLINE V exp2(V x)
+{
+    const D d;
+    const hn::RebindToSigned<D> di;
+    const V n = hn::Round(x), f = hn::Sub(x, n);
+    V p = hn::Set(d, 1.5403530e-4f);
+    p = hn::MulAdd(p, f, hn::Set(d, 1.3333558e-3f));
+    p = hn::MulAdd(p, f, hn::Set(d, 9.6181291e-3f));
+    p = hn::MulAdd(p, f, hn::Set(d, 5.5504109e-2f));
+    p = hn::MulAdd(p, f, hn::Set(d, 2.4022651e-1f));
+    p = hn::MulAdd(p, f, hn::Set(d, 6.9314718e-1f));
+    p = hn::MulAdd(p, f, hn::Set(d, 1.0f));
+    return hn::Mul(p, hn::BitCast(d, hn::ShiftLeft<23>(hn::Add(hn::ConvertTo(di, n), hn::Set(di, 127)))));
+}
+
+void lossRow(const RowTask& t, RowSums& sums)
+{
+    const D d;
+    const hn::Rebind<uint16_t, D> d16;
+    const hn::RebindToSigned<D> di;
+    const size_t n = hn::Lanes(d);
+    HWY_ALIGN float tail[3][hn::MaxLanes(D())];
+    HWY_ALIGN uint16_t tail16[2][hn::MaxLanes(D())];
+    V absolute = hn::Zero(d), squared = hn::Zero(d), masked = hn::Zero(d), maskedCount = hn::Zero(d);
+    const V unorm = hn::Set(d, 1.0f / 65535.0f);
+    for (int x = 0; x < t.width; x += int(n)) {
+        const bool whole = x + int(n) <= t.width;
+        const int left = whole ? int(n) : t.width - x;
+        if (!whole) {
+            for (size_t i = 0; i < n; ++i) { // pixels beyond the row equal their reference
+                const bool in = int(i) < left;
+                tail[0][i] = in ? t.render[x + i] : 0.0f, tail16[0][i] = in ? t.reference[x + i] : 0, tail16[1][i] = in ? t.mask[x + i] : 0;
+            }
+        }
+        const V linear = hn::Min(whole ? hn::LoadU(d, t.render + x) : hn::Load(d, tail[0]), hn::Set(d, 1.0f));
+        const auto ref16 = whole ? hn::LoadU(d16, t.reference + x) : hn::Load(d16, tail16[0]);
+        const auto mask16 = whole ? hn::LoadU(d16, t.mask + x) : hn::Load(d16, tail16[1]);
+        const V reference = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(di, ref16)), unorm);
+        const V alpha = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(di, mask16)), unorm);
+
+        // sRGB: 12.92 x below 0.0031308, else 1.055 x^(1/2.4) - 0.055
+        const V safe = hn::Max(linear, hn::Set(d, 0.0031308f));
+        const V power = hn::Mul(hn::Set(d, 1.055f), exp2(hn::Mul(log2(safe), hn::Set(d, 1.0f / 2.4f))));
+        const auto low = hn::Le(linear, hn::Set(d, 0.0031308f));
+        const V value = hn::IfThenElse(low, hn::Mul(linear, hn::Set(d, 12.92f)), hn::Sub(power, hn::Set(d, 0.055f)));
+        const V slope = hn::IfThenElse(low, hn::Set(d, 12.92f), hn::Div(power, hn::Mul(safe, hn::Set(d, 2.4f))));
+
+        const V difference = hn::Sub(value, reference);
+        const V size = hn::Abs(difference);
+        const V sign = hn::IfThenElseZero(hn::Gt(size, hn::Zero(d)), hn::CopySign(hn::Set(d, t.weight), difference));
+        const V gradient = hn::Mul(sign, slope);
+        const V square = hn::Mul(difference, difference);
+        const auto in = hn::Gt(alpha, hn::Set(d, 0.5f));
+        absolute = hn::Add(absolute, size);
+        squared = hn::Add(squared, square);
+        masked = hn::Add(masked, hn::IfThenElseZero(in, square));
+        maskedCount = hn::Add(maskedCount, hn::IfThenElseZero(in, hn::Set(d, 1.0f)));
+        if (whole) {
+            hn::StoreU(gradient, d, t.gradient + x);
+            if (t.encoded) hn::StoreU(value, d, t.encoded + x), hn::StoreU(slope, d, t.slope + x);
+        } else {
+            hn::Store(gradient, d, tail[0]), hn::Store(value, d, tail[1]), hn::Store(slope, d, tail[2]);
+            for (int i = 0; i < left; ++i) {
+                t.gradient[x + i] = tail[0][i];
+                if (t.encoded) t.encoded[x + i] = tail[1][i], t.slope[x + i] = tail[2][i];
+            }
+        }
+    }
+    sums.absolute = hn::GetLane(hn::SumOfLanes(d, absolute));
+    sums.squared = hn::GetLane(hn::SumOfLanes(d, squared));
+    sums.masked = hn::GetLane(hn::SumOfLanes(d, masked));
+    sums.maskedCount = hn::GetLane(hn::SumOfLanes(d, maskedCount));
+}
+
+// out = Gaussian blur of in (zero outside), separable; scratch holds one plane.
+void blurPlane(const float* in, int width, int height, float* scratch, float* out)
+{
+    const D d;
+    const int n = int(hn::Lanes(d));
+    for (int y = 0; y < height; ++y) {
+        const float* row = in + size_t(y) * width;
+        float* to = scratch + size_t(y) * width;
+        const auto scalar = [&](int x) {
+            float sum = 0;
+            for (int k = 0; k < kTaps; ++k) {
+                const int i = x + k - kRadius;
+                if (i >= 0 && i < width) sum += kGaussian.w[k] * row[i];
+            }
+            to[x] = sum;
+        };
+        int x = 0;
+        for (; x < kRadius && x < width; ++x) scalar(x);
+        for (; x + n + kRadius <= width; x += n) {
+            V sum = hn::Zero(d);
+            for (int k = 0; k < kTaps; ++k) sum = hn::MulAdd(hn::Set(d, kGaussian.w[k]), hn::LoadU(d, row + x + k - kRadius), sum);
+            hn::StoreU(sum, d, to + x);
+        }
+        for (; x < width; ++x) scalar(x);
+    }
+    for (int y = 0; y < height; ++y) {
+        float* to = out + size_t(y) * width;
+        for (int x = 0; x < width; ++x) to[x] = 0;
+        for (int k = 0; k < kTaps; ++k) {
+            const int i = y + k - kRadius;
+            if (i < 0 || i >= height) continue;
+            const float* row = scratch + size_t(i) * width;
+            int x = 0;
+            for (; x + n <= width; x += n)
+                hn::StoreU(hn::MulAdd(hn::Set(d, kGaussian.w[k]), hn::LoadU(d, row + x), hn::LoadU(d, to + x)), d, to + x);
+            for (; x < width; ++x) to[x] += kGaussian.w[k] * row[x];
+        }
+    }
+}
+
+} // namespace HWY_NAMESPACE
+} // namespace nacre
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+#include "base/color.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+
+namespace nacre {
+
+HWY_EXPORT(lossRow);
+HWY_EXPORT(blurPlane);
+
+PreparedImage prepareImage(const Image& linear)
+{
+    PreparedImage p{linear.width, linear.height, {}};
+    const size_t pixels = size_t(p.width) * p.height;
+    p.planes.resize(4 * pixels);
+    for (size_t i = 0; i < pixels; ++i) {
+        for (int c = 0; c < 3; ++c)
+            p.planes[c * pixels + i] = uint16_t(std::lround(65535.0f * srgbFromLinear(std::clamp(linear.rgba[4 * i + c], 0.0f, 1.0f))));
+        p.planes[3 * pixels + i] = uint16_t(std::lround(65535.0f * std::clamp(linear.rgba[4 * i + 3], 0.0f, 1.0f)));
+    }
+    return p;
+}
+
+LossStats ImageLoss::evaluate(const float* planes, const PreparedImage* const* references, int imageCount, const LossOptions& options,
+                              float* dPlanes)
+{
+    const int width = references[0]->width, height = references[0]->height;
+    const size_t pixels = size_t(width) * height;
+    const int channels = 3 * imageCount;
+    const bool ssim = options.dssim > 0;
+    if (ssim) encoded_.resize(channels * pixels), slope_.resize(channels * pixels);
+    const float weight = (1.0f - options.dssim) / float(channels * pixels);
+    const auto run = HWY_DYNAMIC_DISPATCH(lossRow);
+
+    std::vector<RowSums> rows(size_t(channels) * height);
+    tbb::parallel_for(size_t(0), rows.size(), [&](size_t r) {
+        const size_t plane = r / height, y = r % height, image = plane / 3, c = plane % 3, at = plane * pixels + y * width;
+        run({planes + at, references[image]->planes.data() + c * pixels + y * width, references[image]->planes.data() + 3 * pixels + y * width,
+             dPlanes + at, ssim ? encoded_.data() + at : nullptr, ssim ? slope_.data() + at : nullptr, width, weight},
+            rows[r]);
+    });
+
+    // The views' coverage is one plane; the references' alphas of one view agree, so the first stands for all.
+    std::vector<double> alphaRows(height);
+    const float alphaWeight = options.alphaWeight / float(pixels);
+    tbb::parallel_for(0, height, [&](int y) {
+        double sum = 0;
+        for (int x = 0; x < width; ++x) {
+            const size_t i = size_t(y) * width + x;
+            const float difference = planes[channels * pixels + i] - float(references[0]->planes[3 * pixels + i]) / 65535.0f;
+            dPlanes[channels * pixels + i] = difference > 0 ? alphaWeight : difference < 0 ? -alphaWeight : 0.0f;
+            sum += std::abs(difference);
+        }
+        alphaRows[y] = sum;
+    });
+
+    LossStats stats;
+    for (const RowSums& r : rows) {
+        stats.loss += weight * r.absolute;
+        stats.squaredError += r.squared;
+        stats.squaredErrorMasked += r.masked, stats.countMasked += r.maskedCount;
+    }
+    stats.count = double(channels) * double(pixels);
+    for (double a : alphaRows) stats.loss += alphaWeight * a;
+    if (ssim) addDssim(references, imageCount, options.dssim, dPlanes, &stats.loss);
+    return stats;
+}
+
+// SSIM per plane: with blurred means m, n, second moments, the derivative with respect to each moment is blurred back to the pixels.
+void ImageLoss::addDssim(const PreparedImage* const* references, int imageCount, float lambda, float* dPlanes, double* loss)
+{
+    constexpr float c1 = 0.01f * 0.01f, c2 = 0.03f * 0.03f;
+    const int width = references[0]->width, height = references[0]->height, channels = 3 * imageCount;
+    const size_t pixels = size_t(width) * height;
+    blurred_.resize(channels * pixels * 5), scratch_.resize(channels * pixels * 3);
+    const auto blur = HWY_DYNAMIC_DISPATCH(blurPlane);
+    std::vector<double> sums(channels);
+    tbb::parallel_for(0, channels, [&](int p) {
+        const float* a = encoded_.data() + p * pixels;
+        float* moments = blurred_.data() + size_t(p) * pixels * 5;
+        float *b = scratch_.data() + size_t(p) * pixels * 3, *product = b + pixels, *temp = product + pixels;
+        const uint16_t* reference = references[p / 3]->planes.data() + (p % 3) * pixels;
+        for (size_t i = 0; i < pixels; ++i) b[i] = float(reference[i]) / 65535.0f;
+        float *ma = moments, *mb = ma + pixels, *maa = mb + pixels, *mbb = maa + pixels, *mab = mbb + pixels;
+        blur(a, width, height, temp, ma);
+        blur(b, width, height, temp, mb);
+        for (size_t i = 0; i < pixels; ++i) product[i] = a[i] * a[i];
+        blur(product, width, height, temp, maa);
+        for (size_t i = 0; i < pixels; ++i) product[i] = b[i] * b[i];
+        blur(product, width, height, temp, mbb);
+        for (size_t i = 0; i < pixels; ++i) product[i] = a[i] * b[i];
+        blur(product, width, height, temp, mab);
+
+        double sum = 0;
+        for (size_t i = 0; i < pixels; ++i) { // gradient of SSIM with respect to ma, maa, mab, in place
+            const float va = maa[i] - ma[i] * ma[i], vb = mbb[i] - mb[i] * mb[i], vab = mab[i] - ma[i] * mb[i];
+            const float n1 = 2 * ma[i] * mb[i] + c1, n2 = 2 * vab + c2, d1 = ma[i] * ma[i] + mb[i] * mb[i] + c1, d2 = va + vb + c2;
+            const float s = n1 * n2 / (d1 * d2);
+            sum += s;
+            const float dVa = -s / d2, dVab = 2 * n1 / (d1 * d2);
+            const float dMa = 2 * mb[i] * n2 / (d1 * d2) - s * 2 * ma[i] / d1 - 2 * ma[i] * dVa - mb[i] * dVab;
+            ma[i] = dMa, maa[i] = dVa, mab[i] = dVab;
+        }
+        sums[p] = sum;
+        blur(ma, width, height, temp, product);
+        blur(maa, width, height, temp, mbb);
+        blur(mab, width, height, temp, mb);
+        const float weight = -lambda / float(channels * pixels);
+        for (size_t i = 0; i < pixels; ++i)
+            dPlanes[p * pixels + i] += weight * (product[i] + 2 * a[i] * mbb[i] + b[i] * mb[i]) * slope_[p * pixels + i];
+    });
+    double mean = 0;
+    for (double s : sums) mean += s;
+    *loss += lambda * (1.0 - mean / double(channels * pixels));
+}
+
+} // namespace nacre
+#endif
