@@ -1,0 +1,264 @@
+// Files, the border check of assets, and the spherical-harmonic basis.
+#include "formats_fixtures.h"
+
+#include "base/file.h"
+#include "base/spherical_harmonics.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <numbers>
+#include <sys/resource.h>
+#include <unistd.h>
+
+using namespace nacre;
+using namespace nacre::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// A folder of its own, gone at the end.
+struct TemporaryFolder {
+    fs::path path = fs::temp_directory_path() / ("nacre-formats-" + std::to_string(::getpid()));
+    TemporaryFolder() { fs::create_directories(path); }
+    ~TemporaryFolder() { fs::remove_all(path); }
+    std::string file(const char* name) const { return (path / name).string(); }
+    size_t entries() const { return size_t(std::distance(fs::directory_iterator(path), fs::directory_iterator())); }
+};
+
+std::vector<std::byte> someBytes(size_t n)
+{
+    std::vector<std::byte> bytes(n);
+    for (size_t i = 0; i < n; ++i) bytes[i] = std::byte(i * 31);
+    return bytes;
+}
+
+/// Files may not grow beyond `bytes`, with an error instead of a signal: a full disk without a disk.
+struct FileSizeLimit {
+    rlimit old{};
+    void (*oldHandler)(int);
+    explicit FileSizeLimit(rlim_t bytes) : oldHandler(std::signal(SIGXFSZ, SIG_IGN))
+    {
+        REQUIRE(getrlimit(RLIMIT_FSIZE, &old) == 0);
+        const rlimit limit{bytes, old.rlim_max};
+        REQUIRE(setrlimit(RLIMIT_FSIZE, &limit) == 0);
+    }
+    ~FileSizeLimit()
+    {
+        setrlimit(RLIMIT_FSIZE, &old);
+        std::signal(SIGXFSZ, oldHandler);
+    }
+};
+
+} // namespace
+
+TEST_CASE("written file reads back, and replaces the old one")
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("x.bin");
+    for (size_t n : {size_t(0), size_t(1), size_t(70000)}) {
+        REQUIRE(writeFileAtomically(path, someBytes(n)));
+        const auto back = readFile(path);
+        REQUIRE(back);
+        CHECK(*back == someBytes(n));
+        CHECK(folder.entries() == 1);
+    }
+}
+
+TEST_CASE("full disk leaves the old file and nothing else")
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("x.bin");
+    REQUIRE(writeFileAtomically(path, someBytes(10)));
+    {
+        const FileSizeLimit limit(4096);
+        const Status status = writeFileAtomically(path, someBytes(1000000));
+        REQUIRE_FALSE(status);
+        CHECK(status.error().code == ErrorCode::kIo);
+        CHECK(status.error().message.find(path) != std::string::npos);
+        CHECK(status.error().message.find("File too large") != std::string::npos); // what the system said
+        CHECK_FALSE(writeFileAtomically(folder.file("new.bin"), someBytes(1000000)));
+    }
+    CHECK(folder.entries() == 1);
+    CHECK(*readFile(path) == someBytes(10));
+}
+
+TEST_CASE("asset that does not fit on the disk is an I/O error without a partial file")
+{
+    const TemporaryFolder folder;
+    const FileSizeLimit limit(2048);
+    const Status status = writeAsset(makeAsset(20, 25, 16), folder.file("a.glb"));
+    REQUIRE_FALSE(status);
+    CHECK(status.error().code == ErrorCode::kIo);
+    CHECK(folder.entries() == 0);
+}
+
+TEST_CASE("writing into a missing folder or over a folder is an I/O error")
+{
+    const TemporaryFolder folder;
+    for (const std::string& path : {folder.file("no/such/x.bin"), folder.path.string()}) {
+        const Status status = writeFileAtomically(path, someBytes(3));
+        REQUIRE_FALSE(status);
+        CHECK(status.error().code == ErrorCode::kIo);
+    }
+    CHECK(folder.entries() == 0);
+}
+
+TEST_CASE("symbolic links and devices keep being what they are")
+{
+    const TemporaryFolder folder;
+    REQUIRE(writeFileAtomically(folder.file("target"), someBytes(1)));
+    fs::create_symlink("target", folder.path / "link");
+    REQUIRE(writeFileAtomically(folder.file("link"), someBytes(5)));
+    CHECK(fs::is_symlink(folder.path / "link"));
+    CHECK(*readFile(folder.file("target")) == someBytes(5));
+
+    REQUIRE(writeFileAtomically("/dev/null", someBytes(5)));
+    CHECK(fs::is_character_file("/dev/null"));
+    if (fs::exists("/dev/full")) {
+        const Status status = writeFileAtomically("/dev/full", someBytes(5));
+        REQUIRE_FALSE(status);
+        CHECK(status.error().message.find("No space left") != std::string::npos);
+    }
+}
+
+TEST_CASE("unreadable and oversized files are bad input")
+{
+    const TemporaryFolder folder;
+    REQUIRE(writeFileAtomically(folder.file("x"), someBytes(100)));
+    CHECK(readFile(folder.file("x"), 100));
+    for (const auto& result : {readFile(folder.file("x"), 99), readFile(folder.file("none")), readFile(folder.path.string())}) {
+        REQUIRE_FALSE(result);
+        CHECK(result.error().code == ErrorCode::kBadInput);
+        CHECK(result.error().message.find(folder.path.string()) != std::string::npos);
+    }
+    const auto asset = readAsset(folder.file("x"));
+    REQUIRE_FALSE(asset);
+    CHECK(asset.error().message.find("x': not a .glb") != std::string::npos);
+}
+
+TEST_CASE("asset check accepts the edges of what is allowed")
+{
+    SplatAsset asset = makeAsset(3, 0, 0);
+    asset.cloud.opacities = {0.0f, 1.0f, 0.5f};
+    asset.cloud.scales[0] = glm::vec3(std::numeric_limits<float>::min());
+    asset.cloud.rotations[0] *= 1.0005f; // rounded by another tool
+    asset.lowPassVariance = 0.0f;
+    CHECK(validate(asset));
+}
+
+TEST_CASE("asset check names what is wrong")
+{
+    const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+    const auto refuses = [](const char* part, const std::function<void(SplatAsset&)>& edit) {
+        SplatAsset asset = makeAsset(3, 4, 4);
+        REQUIRE(validate(asset));
+        edit(asset);
+        const Status status = validate(asset);
+        REQUIRE_MESSAGE(!status, part);
+        CHECK(status.error().code == ErrorCode::kBadInput);
+        CHECK_MESSAGE(status.error().message.find(part) != std::string::npos, status.error().message);
+    };
+    for (float v : {nan, inf, -inf}) {
+        refuses("position is not finite (splat 1)", [&](SplatAsset& a) { a.cloud.positions[1].y = v; });
+        refuses("rotation", [&](SplatAsset& a) { a.cloud.rotations[0].w = v; });
+        refuses("scale", [&](SplatAsset& a) { a.cloud.scales[2].z = v; });
+        refuses("opacity", [&](SplatAsset& a) { a.cloud.opacities[2] = v; });
+        refuses("'tInd' has a value", [&](SplatAsset& a) { a.channels[1].values.back() = v; });
+        refuses("neutral look has a value", [&](SplatAsset& a) { a.neutral.sh[3].b = v; });
+        refuses("filter variance", [&](SplatAsset& a) { a.lowPassVariance = v; });
+        refuses("+Y up", [&](SplatAsset& a) { a.yUpFromAsset.x = v; });
+    }
+    refuses("scale", [](SplatAsset& a) { a.cloud.scales[0].x = -1.0f; });
+    refuses("scale", [](SplatAsset& a) { a.cloud.scales[0].x = 0.0f; });
+    refuses("unit quaternion", [](SplatAsset& a) { a.cloud.rotations[0] = glm::quat(0, 0, 0, 0); });
+    refuses("unit quaternion", [](SplatAsset& a) { a.cloud.rotations[0] *= 1.01f; });
+    refuses("opacity", [](SplatAsset& a) { a.cloud.opacities[0] = 2.0f; });
+    refuses("opacity", [](SplatAsset& a) { a.cloud.opacities[0] = -0.01f; });
+    refuses("no splats", [](SplatAsset& a) { a.cloud = {}; });
+    refuses("arrays disagree", [](SplatAsset& a) { a.cloud.scales.pop_back(); });
+    refuses("unknown appearance model 'x'", [](SplatAsset& a) { a.model = "x"; });
+    refuses("'rho' of model 'bigs' is missing", [](SplatAsset& a) { a.channels.erase(a.channels.begin() + 2); });
+    refuses("'rho' appears twice", [](SplatAsset& a) { a.channels.push_back(a.channels[2]); });
+    refuses("'extra' does not belong", [](SplatAsset& a) { a.channels[0].name = "extra"; });
+    refuses("accepted: 0, 3, 30, 135, 408, 975", [](SplatAsset& a) { a.channels[3].components = 31; });
+    refuses("'s' has 0 components", [](SplatAsset& a) { a.channels[3] = {"s", 0, {}}; });
+    refuses("'tDir' has 74 values", [](SplatAsset& a) { a.channels[0].values.pop_back(); });
+    refuses("SH functions", [](SplatAsset& a) { a.neutral.shFunctions = 5; });
+    refuses("coefficients", [](SplatAsset& a) { a.neutral.sh.pop_back(); });
+}
+
+TEST_CASE("every model is found by its name")
+{
+    REQUIRE(appearanceModels().size() >= 1);
+    for (const AppearanceModel& model : appearanceModels()) CHECK(findAppearanceModel(model.name) == &model);
+    CHECK(findAppearanceModel("BIGS") == nullptr);
+}
+
+TEST_CASE("spherical harmonics are orthonormal")
+{
+    // Gauss-Legendre would do with fewer nodes; the product rule below integrates trigonometric polynomials in azimuth exactly and
+    // converges like 1/n^2 in z.
+    constexpr int kRings = 2000, kSectors = 20;
+    double gram[kMaxShFunctions][kMaxShFunctions] = {};
+    for (int i = 0; i < kRings; ++i)
+        for (int j = 0; j < kSectors; ++j) {
+            const double z = -1.0 + 2.0 * (i + 0.5) / kRings, r = std::sqrt(1.0 - z * z);
+            const double phi = 2.0 * std::numbers::pi * j / kSectors;
+            double y[kMaxShFunctions];
+            shBasis(kMaxShFunctions, r * std::cos(phi), r * std::sin(phi), z, y);
+            for (int a = 0; a < kMaxShFunctions; ++a)
+                for (int b = 0; b <= a; ++b) gram[a][b] += y[a] * y[b] * 4.0 * std::numbers::pi / (kRings * kSectors);
+        }
+    for (int a = 0; a < kMaxShFunctions; ++a)
+        for (int b = 0; b <= a; ++b) {
+            CAPTURE(a);
+            CAPTURE(b);
+            CHECK(std::abs(gram[a][b] - (a == b ? 1.0 : 0.0)) < 1e-5); // midpoint rule in z: error about degree^4 / (24 n^2)
+        }
+}
+
+TEST_CASE("spherical harmonics have the constants and signs of KHR_gaussian_splatting")
+{
+    const auto at = [](double x, double y, double z) {
+        std::vector<double> values(kMaxShFunctions);
+        const double n = std::sqrt(x * x + y * y + z * z);
+        shBasis(kMaxShFunctions, x / n, y / n, z / n, values.data());
+        return values;
+    };
+    const double tolerance = 1e-12; // f64 rounding
+    const auto close = [&](double a, double b) { return std::abs(a - b) < tolerance; };
+    const std::vector<double> x = at(1, 0, 0), y = at(0, 1, 0), z = at(0, 0, 1), xy = at(1, 1, 0), yz = at(0, 1, 1), xz = at(1, 0, 1);
+    CHECK(close(x[0], 0.2820947917738781));
+    CHECK(close(y[1], -0.4886025119029199));
+    CHECK(close(z[2], 0.4886025119029199));
+    CHECK(close(x[3], -0.4886025119029199));
+    CHECK(close(xy[4], 1.092548430592079 / 2));
+    CHECK(close(yz[5], -1.092548430592079 / 2));
+    CHECK(close(z[6], 0.3153915652525200 * 2));
+    CHECK(close(xz[7], -1.092548430592079 / 2));
+    CHECK(close(x[8], 0.5462742152960395));
+    CHECK(close(y[9], 0.5900435899266435)); // -c y (3x^2 - y^2)
+    CHECK(close(at(1, 1, 1)[10], 2.890611442640554 / std::pow(3.0, 1.5)));
+    CHECK(close(y[11], 0.4570457994644657));
+    CHECK(close(z[12], 0.3731763325901154 * 2));
+    CHECK(close(x[13], 0.4570457994644657));
+    CHECK(close(xz[14], 1.445305721320277 / (2 * std::sqrt(2.0))));
+    CHECK(close(x[15], -0.5900435899266435));
+}
+
+TEST_CASE("fewer spherical harmonics are a prefix")
+{
+    double all[kMaxShFunctions], some[kMaxShFunctions];
+    shBasis(kMaxShFunctions, 0.48, -0.6, 0.64, all);
+    for (int count : {1, 4, 9, 16}) {
+        std::fill(some, some + kMaxShFunctions, 777.0);
+        shBasis(count, 0.48, -0.6, 0.64, some);
+        for (int i = 0; i < kMaxShFunctions; ++i) CHECK(some[i] == (i < count ? all[i] : 777.0));
+    }
+}
