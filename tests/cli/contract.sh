@@ -1,0 +1,204 @@
+#!/usr/bin/env bash
+# The command line contract, from outside: exit codes, one-line errors, JSON keys, atomic files, determinism, stop and resume.
+# contract.sh NACRE SOURCE_DIR
+set -uo pipefail
+nacre=$1
+sample=$2/samples/data/bunny_wax_tiny
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work" || exit 1
+failures=0
+
+fail() { echo "FAILED: $*"; failures=$((failures + 1)); }
+
+# expect CODE TEXT COMMAND...: exit code, and on failure exactly one error line that contains TEXT and nothing but warnings beside it
+expect() {
+    local code=$1 text=$2 got=0
+    shift 2
+    "$@" >stdout.txt 2>stderr.txt || got=$?
+    [ "$got" = "$code" ] || { fail "exit code $got, expected $code: $*"; cat stderr.txt; return; }
+    [ "$code" = 0 ] && return
+    local lines
+    lines=$(grep -vc '^nacre: warning: ' stderr.txt)
+    [ "$lines" = 1 ] && grep -q '^nacre: error: ' stderr.txt || { fail "expected one error line: $*"; cat stderr.txt; }
+    grep '^nacre: error: ' stderr.txt | grep -qF -- "$text" || { fail "expected an error about '$text': $*"; cat stderr.txt; }
+}
+
+# only FILES... : the folder holds these and no leftover
+only() {
+    local folder=$1
+    shift
+    [ "$(ls -A "$folder" | tr '\n' ' ')" = "$*${*:+ }" ] || fail "folder $folder holds '$(ls -A "$folder" | tr '\n' ' ')', expected '$*'"
+}
+
+# keys FILE INDENT KEY...: exactly these keys at this depth, in this order
+keys() {
+    local file=$1 indent=$2
+    shift 2
+    local found
+    found=$(sed -n "s/^ \{$indent\}\"\([^\"]*\)\":.*/\1/p" "$file" | tr '\n' ' ')
+    [ "$found" = "$* " ] || fail "$file has keys '$found', expected '$*'"
+}
+
+# An uncompressed 128x128 half RGBA OpenEXR file whose pixels are all NaN.
+nan_exr() {
+    local le32='\x7f\x00\x00\x00' channel='\x00\x01\x00\x00\x00\x00\x00\x00\x00\x01\x00\x00\x00\x01\x00\x00\x00' line='' y
+    attribute() { printf '%b' "$1\\x00$2\\x00$3\\x00\\x00\\x00$4"; } # name type size value
+    {
+        printf '%b' '\x76\x2f\x31\x01\x02\x00\x00\x00'
+        attribute channels chlist '\x49' "A${channel}B${channel}G${channel}R${channel}\\x00"
+        attribute compression compression '\x01' '\x00'
+        attribute dataWindow box2i '\x10' "\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00$le32$le32"
+        attribute displayWindow box2i '\x10' "\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00$le32$le32"
+        attribute lineOrder lineOrder '\x01' '\x00'
+        attribute pixelAspectRatio float '\x04' '\x00\x00\x80\x3f'
+        attribute screenWindowCenter v2f '\x08' '\x00\x00\x00\x00\x00\x00\x00\x00'
+        attribute screenWindowWidth float '\x04' '\x00\x00\x80\x3f'
+        printf '%b' '\x00'
+    } >"$1"
+    local first=$(($(stat -c %s "$1") + 128 * 8)) offset
+    for ((y = 0; y < 128; ++y)); do
+        offset=$(printf '%08x' $((first + y * 1032)))
+        printf '%b' "\\x${offset:6:2}\\x${offset:4:2}\\x${offset:2:2}\\x${offset:0:2}\\x00\\x00\\x00\\x00"
+    done >>"$1"
+    for ((y = 0; y < 512; ++y)); do line+='\x00\x7e'; done
+    for ((y = 0; y < 128; ++y)); do printf '%b' "\\x$(printf %02x $y)\\x00\\x00\\x00\\x00\\x04\\x00\\x00$line"; done >>"$1"
+}
+
+bake=("$nacre" bake "$sample" --max-splats 400 --s-functions 4)
+
+echo "-- arguments"
+expect 0 "" "$nacre" --help
+expect 0 "" "$nacre" --version
+for command in bake eval render info; do
+    expect 0 "" "$nacre" $command --help
+    expect 2 "--nosuch" "$nacre" $command a b -o c --nosuch
+done
+expect 2 "no command" "$nacre"
+expect 2 "unknown command 'synth'" "$nacre" synth mesh.glb -o data
+expect 2 "DATASET" "$nacre" bake
+expect 2 "--output" "$nacre" bake "$sample"
+expect 2 "sss" "${bake[@]}" -o a.glb --model sss
+expect 2 "CUDA" "${bake[@]}" -o a.glb --device cuda
+expect 2 "--minutes" "${bake[@]}" -o a.glb --minutes nan
+expect 2 "--minutes" "${bake[@]}" -o a.glb --minutes 1 --iterations 5
+expect 2 "--iterations" "${bake[@]}" -o a.glb --iterations 0
+expect 2 "--max-splats" "$nacre" bake "$sample" -o a.glb --max-splats -1
+expect 2 "--threads" "${bake[@]}" -o a.glb --threads two
+expect 2 "no checkpoint" "${bake[@]}" -o a.glb --resume
+expect 2 "no folder 'nosuch'" "${bake[@]}" -o nosuch/a.glb
+expect 2 "is a folder" "${bake[@]}" -o "$work"
+expect 2 "nosuch" "$nacre" bake nosuch -o a.glb
+expect 2 "nosuch" "$nacre" info nosuch
+expect 2 "nosuch.glb" "$nacre" eval nosuch.glb "$sample"
+expect 2 ".exr" "$nacre" render nosuch.glb -o a.jpg
+[ "$(ls | grep -v '^std' | wc -l)" = 0 ] || fail "refused commands left files: $(ls)"
+
+echo "-- datasets"
+expect 0 "" "$nacre" info "$sample" --json info.json
+keys info.json 2 convention color_space splits warnings
+keys info.json 4 train test
+keys info.json 6 images cameras lights width height images cameras lights width height
+expect 1 "standard output" bash -c '"$0" info "$1" >/dev/full' "$nacre" "$sample"
+
+cp -r "$sample" truncated
+for image in truncated/train/*; do truncate -s 2000 "$image"; done
+expect 2 "train" "$nacre" bake truncated -o a.glb --iterations 2
+cp -r "$sample" nan
+nan_exr nan.exr
+for image in nan/train/*; do cp nan.exr "$image"; done
+expect 2 "NaN" "$nacre" bake nan -o a.glb --iterations 2
+cp -r "$sample" missing && rm missing/train/r_000[0-9]*
+expect 2 "train" "$nacre" bake missing -o a.glb --iterations 2
+cp -r "$sample" empty && sed -i '/"frames"/,$d' empty/transforms_train.json && echo '"frames": []}' >>empty/transforms_train.json
+expect 2 "train" "$nacre" bake empty -o a.glb --iterations 2
+cp -r "$sample" broken && truncate -s 100 broken/transforms_train.json
+expect 2 "transforms_train.json" "$nacre" bake broken -o a.glb --iterations 2
+rm -rf truncated missing empty broken
+[ ! -e a.glb ] || fail "a refused dataset left a.glb"
+
+echo "-- bake"
+mkdir one two stop full
+expect 0 "" "${bake[@]}" -o one/a.glb --iterations 60 --threads 1 --json bake.json
+keys bake.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes history
+grep -q '"iterations": 60,' bake.json || fail "bake.json does not say 60 iterations"
+only one a.glb
+expect 0 "" "${bake[@]}" -o two/a.glb --iterations 60 --threads 2 --json bake2.json
+cmp one/a.glb two/a.glb || fail "1 and 2 threads give different assets"
+expect 0 "" "${bake[@]}" -o two/b.glb --iterations 60 --seed 2
+cmp -s one/a.glb two/b.glb && fail "another seed gives the same asset"
+
+expect 1 "" bash -c 'ulimit -f 16; exec "$@"' _ "${bake[@]}" -o full/a.glb --iterations 2
+[ ! -e full/a.glb ] && [ -z "$(find full -name '*.tmp*')" ] || fail "a full disk left $(ls full)"
+
+# Stopped in training (later and later, until a checkpoint shows that training had begun), then resumed: the same bytes.
+expect 0 "" "${bake[@]}" -o two/long.glb --iterations 400
+for delay in 0.5 1 2 4 8; do
+    "${bake[@]}" -o stop/a.glb --iterations 400 >stdout.txt 2>stderr.txt &
+    job=$!
+    sleep $delay
+    kill -INT $job 2>/dev/null
+    wait $job
+    code=$?
+    [ $code = 1 ] && [ -e stop/a.glb.ckpt ] && break
+    rm -f stop/*
+done
+if [ -e stop/a.glb.ckpt ]; then
+    only stop a.glb.ckpt
+    grep -q -- '--resume' stderr.txt || fail "a stopped bake does not say how to resume: $(cat stderr.txt)"
+    expect 0 "" "${bake[@]}" -o stop/a.glb --iterations 400 --resume
+    cmp stop/a.glb two/long.glb || fail "stopped and resumed differs from uninterrupted"
+    only stop a.glb
+    head -c 300 stop/a.glb >stop/b.glb.ckpt
+    expect 2 "b.glb.ckpt" "${bake[@]}" -o stop/b.glb --iterations 400 --resume
+else
+    fail "a stopped bake (exit code $code) left no checkpoint"
+fi
+
+echo "-- eval, render and info of an asset"
+asset=one/a.glb
+eval_keys="split images psnr psnr_masked ssim flip rel_mse_linear ms_per_frame splats asset_bytes bytes_per_splat renderer"
+eval_keys+=" psnr_min relight_ms sort_ms raster_ms drawn_by"
+for renderer in gl reference; do
+    expect 0 "" "$nacre" eval $asset "$sample" --renderer $renderer --frames 1 --json eval.json --images images_$renderer
+    keys eval.json 2 $eval_keys
+    for image in 0000 0007; do
+        for file in render.exr reference.exr sheet.png; do
+            [ -s images_$renderer/${image}_$file ] || fail "eval --images wrote no ${image}_$file"
+        done
+    done
+done
+expect 2 "train, test" "$nacre" eval $asset "$sample" --split near
+expect 2 "NaN" "$nacre" eval $asset nan --split train
+expect 1 "" bash -c 'ulimit -f 4; exec "$@"' _ "$nacre" eval $asset "$sample" --frames 0 --images full_images
+[ -z "$(find full_images -name '*.tmp*')" ] || fail "a full disk left temporary files in full_images"
+
+mkdir frames
+expect 0 "" "$nacre" render $asset -o frames/a.png --camera "$sample:test:0" --frames 3
+only frames a_0000.png a_0001.png a_0002.png
+expect 0 "" "$nacre" render $asset -o b.exr --orbit -30,20,3.2 --fov 30 --size 64x48 --light point:2,0,3:40,30,20 --light directional:0,0,1:0.5
+expect 0 "" "$nacre" render $asset -o b.png --renderer reference --size 32x32
+grep -q 'no --light given' stdout.txt || fail "render does not say which light it chose"
+for bad in spot:1,2,3:4 point:1,2:3 point:1,2,3 point:1,2,3:-1 point:1,2,nan:1 directional:0,0,0:1 lamp:1,2,3:4 environment: point:1,2,3:1,2; do
+    expect 2 "$bad" "$nacre" render $asset -o c.png --light $bad
+done
+expect 2 "nosuch.exr" "$nacre" render $asset -o c.png --light environment:nosuch.exr
+expect 2 "--size" "$nacre" render $asset -o c.png --size 0x5
+expect 2 "--size" "$nacre" render $asset -o c.png --size 64
+expect 2 "--orbit" "$nacre" render $asset -o c.png --orbit 10
+expect 2 "--camera" "$nacre" render $asset -o c.png --camera "$sample:test"
+expect 2 "images 0 to 7" "$nacre" render $asset -o c.png --camera "$sample:test:8"
+expect 1 "c.png" bash -c 'ulimit -f 1; exec "$@"' _ "$nacre" render $asset -o c.png --size 256x256
+[ -z "$(ls -A | grep '^c\.png')" ] || fail "a failed render left $(ls -A | grep '^c\.png')"
+
+expect 0 "" "$nacre" info $asset --json info.json
+keys info.json 2 model splats asset_bytes bytes_per_splat profile channels
+expect 0 "" "$nacre" info --models
+for bytes in 0 4 12 20 1000; do
+    head -c $bytes $asset >cut.glb
+    expect 2 "cut.glb" "$nacre" info cut.glb
+    expect 2 "cut.glb" "$nacre" render cut.glb -o c.png
+done
+
+[ $failures = 0 ] || { echo "$failures checks FAILED"; exit 1; }
+echo "all checks passed"
