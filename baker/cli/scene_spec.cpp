@@ -124,7 +124,7 @@ Camera orbitCamera(const Orbit& orbit, const Subject& subject, const glm::quat& 
 
     // turned rather than looked-at, so that straight up and straight down are no special cases
     const double narrow = std::atan(0.5 * std::min(size.width, size.height) / camera.fy);
-    const double distance = orbit.distance > 0 ? orbit.distance : 1.1 * subject.radius / std::sin(narrow);
+    const double distance = orbit.distance > 0 ? orbit.distance : 1.25 * subject.radius / std::sin(narrow);
     glm::dmat4 turn = glm::rotate(glm::dmat4(1), glm::radians(orbit.azimuth), glm::dvec3(0, 1, 0));
     turn = glm::rotate(turn, -glm::radians(orbit.elevation), glm::dvec3(1, 0, 0));
     turn = glm::translate(turn, glm::dvec3(0, 0, distance));
