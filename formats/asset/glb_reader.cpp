@@ -11,6 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -159,6 +160,16 @@ std::string needString(const json& object, const char* key, const std::string& w
     const json& value = need(object, key, where);
     if (!value.is_string()) bad(where + "." + key + " is not a string");
     return value.get<std::string>();
+}
+
+/// A name that will appear in messages: short and printable.
+std::string needName(const json& object, const char* key, const std::string& where)
+{
+    const std::string name = needString(object, key, where);
+    const auto printable = [](unsigned char c) { return c > 0x20 && c < 0x7f; };
+    if (name.empty() || name.size() > 64 || !std::all_of(name.begin(), name.end(), printable))
+        bad(where + "." + key + " is not a name of 1 to 64 printable ASCII characters");
+    return name;
 }
 
 /// Element `index` of the document's array `key`.
@@ -370,7 +381,7 @@ Channel readChannel(const json& document, std::span<const std::byte> bin, const 
 {
     const std::string where = "channels[" + std::to_string(index) + "]";
     Channel channel;
-    channel.name = needString(entry, "name", where);
+    channel.name = needName(entry, "name", where);
     const std::string at = where + " (" + inQuotes(channel.name) + ")";
     if (needSize(entry, "componentType", at) != kFloat) unsupported(at + " is not float32, which the lossless profile demands");
     const size_t components = needSize(entry, "components", at);
@@ -395,7 +406,7 @@ SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
     const json& relight = *splats.relight;
     const json& attributes = need(*splats.primitive, "attributes", "the splat primitive");
     SplatAsset asset;
-    asset.model = needString(relight, "model", kRelightExtension);
+    asset.model = needName(relight, "model", kRelightExtension);
     asset.bakedWith = needString(relight, "bakedWith", kRelightExtension);
     asset.lowPassVariance =
         toFloat(need(need(relight, "screenFilter", kRelightExtension), "variance", "screenFilter"), "screenFilter.variance");

@@ -280,6 +280,8 @@ TEST_CASE("files that are no Nacre assets say what they are")
     CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["model"] = "nerf"; }), "unknown appearance model 'nerf'"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.json["extensionsRequired"] = {"EXT_meshopt_compression"}; }),
                    "EXT_meshopt_compression"));
+    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["model"] = "two\nlines"; }), "printable"));
+    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["channels"][0]["name"] = "a\x1b[2J"; }), "printable"));
     const std::string png = "\x89PNG\r\n\x1a\n and then some more bytes";
     CHECK(contains(decodeError(std::as_bytes(std::span(png))), "not a .glb"));
 }

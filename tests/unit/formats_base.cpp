@@ -202,8 +202,8 @@ TEST_CASE("every model is found by its name")
 
 TEST_CASE("spherical harmonics are orthonormal")
 {
-    // Gauss-Legendre would do with fewer nodes; the product rule below integrates trigonometric polynomials in azimuth exactly and
-    // converges like 1/n^2 in z.
+    // Gauss-Legendre would do with fewer nodes; the product rule below integrates trigonometric polynomials in azimuth exactly
+    // and converges like 1/n^2 in z.
     constexpr int kRings = 2000, kSectors = 20;
     double gram[kMaxShFunctions][kMaxShFunctions] = {};
     for (int i = 0; i < kRings; ++i)
@@ -233,7 +233,8 @@ TEST_CASE("spherical harmonics have the constants and signs of KHR_gaussian_spla
     };
     const double tolerance = 1e-12; // f64 rounding
     const auto close = [&](double a, double b) { return std::abs(a - b) < tolerance; };
-    const std::vector<double> x = at(1, 0, 0), y = at(0, 1, 0), z = at(0, 0, 1), xy = at(1, 1, 0), yz = at(0, 1, 1), xz = at(1, 0, 1);
+    const std::vector<double> x = at(1, 0, 0), y = at(0, 1, 0), z = at(0, 0, 1), xy = at(1, 1, 0), yz = at(0, 1, 1),
+                              xz = at(1, 0, 1);
     CHECK(close(x[0], 0.2820947917738781));
     CHECK(close(y[1], -0.4886025119029199));
     CHECK(close(z[2], 0.4886025119029199));
