@@ -1,0 +1,315 @@
+// What the runtime tests share: a host with a headless context that speaks only the public C API, asset makers, and a float64
+// reference image made from the scalar headers.
+#pragma once
+
+#include "appearance/bigs/bigs.h"
+#include "asset/asset_io.h"
+#include "eval/headless_gl.h"
+#include "eval/splat_renderer.h"
+#include "render/projection.h"
+#include "render/reference_raster.h"
+
+#include "nacre/nacre.h"
+
+#include <doctest/doctest.h>
+#include <glm/gtc/matrix_transform.hpp>
+#include <glm/gtc/type_ptr.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+#include <random>
+
+namespace nacre::test {
+
+/// False, with a line that says SKIPPED and why, where no OpenGL context can be made.
+inline bool haveGl()
+{
+    static const std::string missing = [] {
+        const auto gl = HeadlessGl::create();
+        return gl ? std::string() : gl.error().message;
+    }();
+    if (!missing.empty()) MESSAGE("SKIPPED: ", missing);
+    return missing.empty();
+}
+
+inline Camera lookAt(glm::dvec3 eye, glm::dvec3 target, int width, int height, double focal)
+{
+    Camera c;
+    c.width = width, c.height = height;
+    c.fx = focal, c.fy = focal;
+    c.cx = 0.5 * width, c.cy = 0.5 * height;
+    c.worldFromCamera = glm::inverse(glm::lookAt(eye, target, glm::dvec3(0, 1, 0)));
+    return c;
+}
+
+inline Light pointLight(glm::vec3 position, glm::vec3 intensity, float radius = 0)
+{
+    Light light;
+    light.position = position, light.intensity = intensity, light.radius = radius;
+    return light;
+}
+
+inline Light directionalLight(glm::vec3 towards, glm::vec3 irradiance)
+{
+    Light light;
+    light.type = LightType::kDirectional;
+    light.directionToLight = glm::normalize(towards), light.intensity = irradiance;
+    return light;
+}
+
+/// `count` splats in a ball of radius 0.5 with random transport. Coefficients are multiples of 2^-10 below 1, so half floats hold them
+/// exactly and comparisons with the reference need no allowance for storage.
+inline SplatAsset randomAsset(size_t count, int sFunctions, uint32_t seed, float splatScale = 0.05f)
+{
+    std::mt19937 rng(seed);
+    const auto uniform = [&](float lo, float hi) { return lo + (hi - lo) * float(rng() >> 8) * 0x1p-24f; };
+    const auto onGrid = [&](float size) { return std::round(1024.0f * uniform(-size, size)) / 1024.0f; };
+    SplatAsset a;
+    a.model = "bigs";
+    a.cloud.count = count;
+    std::vector<float> tDir, tInd, rho, s;
+    for (size_t g = 0; g < count; ++g) {
+        glm::vec3 p;
+        do p = {uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
+        while (glm::dot(p, p) > 1);
+        a.cloud.positions.push_back(0.5f * p);
+        a.cloud.rotations.push_back(glm::normalize(glm::quat(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1), uniform(0.1f, 1))));
+        a.cloud.scales.push_back(splatScale * glm::vec3(uniform(0.2f, 1), uniform(0.2f, 1), uniform(0.2f, 1)));
+        a.cloud.opacities.push_back(uniform(0.05f, 1));
+        for (int i = 0; i < 25; ++i) tDir.push_back(i == 0 ? 0.75f + onGrid(0.2f) : onGrid(0.3f));
+        for (int i = 0; i < 75; ++i) tInd.push_back(onGrid(0.1f));
+        for (int i = 0; i < 3; ++i) rho.push_back(uniform(0, 1));
+        for (int i = 0; i < 3 * bigsPairCount(sFunctions); ++i) s.push_back(onGrid(0.1f));
+    }
+    a.channels = {{"tDir", 25, tDir}, {"tInd", 75, tInd}, {"rho", 3, rho}};
+    if (sFunctions) a.channels.push_back({"s", uint32_t(3 * bigsPairCount(sFunctions)), s});
+    return a;
+}
+
+/// One splat at the origin, as randomAsset otherwise.
+inline SplatAsset oneSplat(int sFunctions, glm::vec3 scale = glm::vec3(0.1f), float opacity = 0.8f)
+{
+    SplatAsset a = randomAsset(1, sFunctions, 7);
+    a.cloud.positions[0] = glm::vec3(0);
+    a.cloud.scales[0] = scale;
+    a.cloud.opacities[0] = opacity;
+    return a;
+}
+
+inline LightSample<double> sampleLight(const Light& light, const double p[3])
+{
+    if (light.type == LightType::kDirectional) {
+        const glm::dvec3 d = glm::normalize(glm::dvec3(light.directionToLight));
+        return {{d.x, d.y, d.z}, 1.0};
+    }
+    const double position[3] = {light.position.x, light.position.y, light.position.z};
+    return samplePointLight<double>(position, light.radius, p);
+}
+
+/// Radiance of splat `g` towards `eye`, in float64.
+inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 eye, std::span<const Light> lights)
+{
+    const auto row = [&](const char* name) {
+        const Channel* c = asset.find(name);
+        std::vector<double> values;
+        if (c) values.assign(&c->values[g * c->components], &c->values[g * c->components] + c->components);
+        return values;
+    };
+    const std::vector<double> tDir = row("tDir"), tInd = row("tInd"), rho = row("rho"), s = row("s");
+    int functions = 0;
+    while (3 * bigsPairCount(functions) < int(s.size())) ++functions;
+    const BigsCoefficients<double> k{tDir.data(), tInd.data(), rho.data(), s.data(), functions};
+    const glm::dvec3 mean = asset.cloud.positions[g], out = glm::length(eye - mean) > 0 ? glm::normalize(eye - mean) : glm::dvec3(0, 0, 1);
+    double y[25], a[75];
+    shBasis(25, out.x, out.y, out.z, y);
+    bigsContractView(k, y, a);
+    glm::dvec3 color(0);
+    for (const Light& light : lights) {
+        const double p[3] = {mean.x, mean.y, mean.z};
+        const LightSample<double> w = sampleLight(light, p);
+        shBasis(25, w.dir[0], w.dir[1], w.dir[2], y);
+        const BigsTerms<double> terms = bigsTerms(k, a, y);
+        for (int c = 0; c < 3; ++c) color[c] += double(light.intensity[c]) * w.falloff * bigsTransport(terms, c);
+    }
+    return color;
+}
+
+/// The whole image in float64: what the runtime should draw.
+inline Image referenceImage(const SplatAsset& asset, const Camera& camera, std::span<const Light> lights)
+{
+    const View<double> view = makeView<double>(camera, asset.lowPassVariance);
+    std::vector<ProjectedGaussian<double>> splats;
+    std::vector<double> colors;
+    for (size_t g = 0; g < asset.cloud.count; ++g) {
+        const glm::vec3 &p = asset.cloud.positions[g], &s = asset.cloud.scales[g];
+        const glm::quat& q = asset.cloud.rotations[g];
+        const GaussianGeometry<double> geometry{{p.x, p.y, p.z}, {s.x, s.y, s.z}, {q.w, q.x, q.y, q.z}, asset.cloud.opacities[g]};
+        ProjectedGaussian<double> projected;
+        if (!projectGaussian(view, geometry, projected)) continue;
+        splats.push_back(projected);
+        const glm::dvec3 c = referenceColor(asset, g, camera.position(), lights);
+        colors.insert(colors.end(), {c.x, c.y, c.z});
+    }
+    std::vector<uint32_t> order(splats.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) { return splats[a].distance < splats[b].distance; });
+    Image image{camera.width, camera.height, std::vector<float>(size_t(4) * camera.width * camera.height)};
+    for (int y = 0; y < camera.height; ++y)
+        for (int x = 0; x < camera.width; ++x) {
+            double c[3];
+            const double alpha = blendPixel<double>(order, splats.data(), colors.data(), 3, x + 0.5, y + 0.5, c);
+            float* out = image.pixel(x, y);
+            for (int k = 0; k < 3; ++k) out[k] = float(c[k]);
+            out[3] = float(alpha);
+        }
+    return image;
+}
+
+inline float largest(const Image& a)
+{
+    float most = 0;
+    for (const float v : a.rgba) most = std::max(most, std::abs(v));
+    return most;
+}
+
+inline float largestDifference(const Image& a, const Image& b)
+{
+    REQUIRE(a.rgba.size() == b.rgba.size());
+    float most = 0;
+    for (size_t i = 0; i < a.rgba.size(); ++i) most = std::max(most, std::abs(a.rgba[i] - b.rgba[i]));
+    return most;
+}
+
+/// dB of the premultiplied colours clamped to [0, 1].
+inline double psnr(const Image& a, const Image& b)
+{
+    REQUIRE(a.rgba.size() == b.rgba.size());
+    double sum = 0;
+    size_t n = 0;
+    for (size_t i = 0; i < a.rgba.size(); ++i)
+        if (i % 4 != 3) {
+            const double d = std::clamp(a.rgba[i], 0.0f, 1.0f) - std::clamp(b.rgba[i], 0.0f, 1.0f);
+            sum += d * d;
+            ++n;
+        }
+    return 10 * std::log10(double(n) / std::max(sum, 1e-30));
+}
+
+inline bool allFinite(const Image& a)
+{
+    return std::all_of(a.rgba.begin(), a.rgba.end(), [](float v) { return std::isfinite(v); });
+}
+
+inline NacreLight toNacre(const Light& light)
+{
+    NacreLight n{};
+    const bool point = light.type == LightType::kPoint;
+    n.type = point ? NACRE_LIGHT_POINT : NACRE_LIGHT_DIRECTIONAL;
+    std::memcpy(n.vector, glm::value_ptr(point ? light.position : light.directionToLight), sizeof n.vector);
+    std::memcpy(n.intensity, glm::value_ptr(light.intensity), sizeof n.intensity);
+    n.radius = light.radius;
+    return n;
+}
+
+inline void copy(float* out, const glm::dmat4& m)
+{
+    const glm::mat4 f(m);
+    std::memcpy(out, glm::value_ptr(f), sizeof f);
+}
+
+/// Infinite far plane, near as the reference's.
+inline glm::dmat4 clipFromView(const Camera& c)
+{
+    glm::dmat4 p(0.0);
+    p[0][0] = 2 * c.fx / c.width, p[1][1] = 2 * c.fy / c.height;
+    p[2][0] = 1 - 2 * c.cx / c.width, p[2][1] = 2 * c.cy / c.height - 1;
+    p[2][2] = p[2][3] = -1;
+    p[3][2] = -2.0 * double(kNearPlane);
+    return p;
+}
+
+inline NacreDrawDesc describe(const Camera& camera)
+{
+    NacreDrawDesc desc{};
+    desc.structSize = sizeof desc;
+    copy(desc.worldFromAsset, glm::dmat4(1.0));
+    copy(desc.viewFromWorld, glm::inverse(camera.worldFromCamera));
+    copy(desc.clipFromView, clipFromView(camera));
+    desc.viewportWidth = camera.width, desc.viewportHeight = camera.height;
+    return desc;
+}
+
+/// A host application in miniature.
+class Host {
+public:
+    Host()
+    {
+        auto made = HeadlessGl::create();
+        REQUIRE(made);
+        gl = std::move(*made);
+        NacreContextDesc desc{};
+        desc.structSize = sizeof desc;
+        desc.getProcAddress = HeadlessGl::getProcAddress;
+        desc.message = [](NacreSeverity, const char* text, void* user) { static_cast<Host*>(user)->messages.push_back(text); };
+        desc.messageUser = this;
+        REQUIRE(nacreContextCreate(&desc, &context) == NACRE_OK);
+    }
+    explicit Host(const SplatAsset& source) : Host() { load(source); }
+    ~Host()
+    {
+        gl->makeCurrent();
+        nacreAssetDestroy(asset);
+        nacreContextDestroy(context);
+    }
+    Host(const Host&) = delete;
+
+    NacreAsset create(const SplatAsset& source)
+    {
+        const auto bytes = encodeAsset(source);
+        REQUIRE(bytes);
+        NacreAsset made = nullptr;
+        REQUIRE_MESSAGE(nacreAssetCreate(context, bytes->data(), bytes->size(), &made) == NACRE_OK, lastMessage());
+        return made;
+    }
+    void load(const SplatAsset& source)
+    {
+        nacreAssetDestroy(asset);
+        asset = create(source);
+    }
+    void setLights(std::span<const Light> lights)
+    {
+        std::vector<NacreLight> converted;
+        for (const Light& light : lights) converted.push_back(toNacre(light));
+        REQUIRE_MESSAGE(nacreAssetSetLights(asset, converted.data(), converted.size()) == NACRE_OK, lastMessage());
+    }
+    Image draw(const Camera& camera, const NacreDrawDesc& desc)
+    {
+        gl->makeCurrent();
+        REQUIRE(gl->beginFrame(camera.width, camera.height));
+        REQUIRE_MESSAGE(nacreAssetDraw(asset, &desc) == NACRE_OK, lastMessage());
+        return gl->readFrame();
+    }
+    Image draw(const Camera& camera) { return draw(camera, describe(camera)); }
+    Image draw(const Camera& camera, std::span<const Light> lights)
+    {
+        setLights(lights);
+        return draw(camera);
+    }
+    NacreDrawStats stats() const
+    {
+        NacreDrawStats s{};
+        s.structSize = sizeof s;
+        REQUIRE(nacreAssetGetDrawStats(asset, &s) == NACRE_OK);
+        return s;
+    }
+    std::string lastMessage() const { return messages.empty() ? "" : messages.back(); }
+
+    std::unique_ptr<HeadlessGl> gl;
+    NacreContext context = nullptr;
+    NacreAsset asset = nullptr;
+    std::vector<std::string> messages;
+};
+
+} // namespace nacre::test

@@ -1,0 +1,151 @@
+// The "numerics that bite" of the renderer, each with its name.
+#include "runtime_fixture.h"
+
+using namespace nacre;
+using namespace nacre::test;
+
+static Camera front(double distance = 2) { return lookAt({0, 0, distance}, {0, 0, 0}, 33, 33, 40); }
+static const std::vector<Light> kLamp = {pointLight({1, 1, 2}, glm::vec3(3))};
+
+TEST_CASE("a light of intensity 0 adds exactly nothing, one of 1e4 scales")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(50, 9, 1));
+    const Image lit = host.draw(front(), kLamp);
+    CHECK(largestDifference(host.draw(front(), {{kLamp[0], pointLight({0, 0, 1}, glm::vec3(0))}}), lit) == 0.0f);
+    const Image dark = host.draw(front(), {{pointLight({0, 0, 1}, glm::vec3(0))}});
+    for (size_t i = 0; i < dark.rgba.size(); ++i)
+        if (i % 4 != 3) REQUIRE(dark.rgba[i] == 0.0f);
+    Image bright = host.draw(front(), {{pointLight({1, 1, 2}, glm::vec3(3e4f))}});
+    for (size_t i = 0; i < bright.rgba.size(); ++i)
+        if (i % 4 != 3) bright.rgba[i] *= 1e-4f;
+    CHECK(largestDifference(bright, lit) < 1e-5f * largest(lit)); // f32 products
+}
+
+TEST_CASE("no lights: black colour, full coverage")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = randomAsset(50, 9, 1);
+    Host host(asset);
+    CHECK(largestDifference(host.draw(front()), referenceImage(asset, front(), {})) < 1e-5f);
+}
+
+TEST_CASE("a point light of 1e12 at distance 1e6 is a directional light of 1")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(50, 25, 2));
+    const Image far = host.draw(front(), {{pointLight({0, 0, 1e6f}, glm::vec3(1e12f))}});
+    const Image directional = host.draw(front(), {{directionalLight({0, 0, 1}, glm::vec3(1))}});
+    CHECK(largestDifference(far, directional) < 1e-5f * std::max(1.0f, largest(directional))); // parallax of 1e-6
+}
+
+TEST_CASE("a light exactly on a splat's mean stays finite and capped")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = oneSplat(9);
+    Host host(asset);
+    const std::vector<Light> inside = {pointLight({0, 0, 0}, glm::vec3(1e-6f))};
+    const Image image = host.draw(front(), inside);
+    CHECK(allFinite(image));
+    CHECK(largestDifference(image, referenceImage(asset, front(), inside)) < 1e-4f); // falloff 1e6, f32 rounding
+}
+
+TEST_CASE("a camera inside the cloud and exactly on a mean sees finite pixels like the reference")
+{
+    if (!haveGl()) return;
+    SplatAsset asset = randomAsset(400, 9, 4);
+    asset.cloud.positions[0] = glm::vec3(0);
+    Host host(asset);
+    const Camera inside = lookAt({0, 0, 0}, {0.3, 0.2, -1}, 48, 48, 30);
+    const Image image = host.draw(inside, kLamp);
+    CHECK(allFinite(image));
+    CHECK(psnr(image, referenceImage(asset, inside, kLamp)) > 50.0); // huge footprints near the camera amplify f32 rounding
+}
+
+TEST_CASE("splats at and behind the near plane are not drawn")
+{
+    if (!haveGl()) return;
+    SplatAsset asset = randomAsset(3, 0, 6);
+    asset.cloud.positions = {{0, 0, 2.0f - 0.009f}, {0, 0, 2.5f}, {0, 0, 2}};
+    Host host(asset);
+    CHECK(largest(host.draw(front(), kLamp)) == 0.0f);
+    asset.cloud.positions[0] = {0, 0, 2.0f - 0.011f};
+    host.load(asset);
+    CHECK(largest(host.draw(front(), kLamp)) > 0.0f);
+}
+
+TEST_CASE("opacity 0 draws nothing, opacity 1 never blocks everything")
+{
+    if (!haveGl()) return;
+    Host host(oneSplat(0, glm::vec3(0.5f), 0.0f));
+    CHECK(largest(host.draw(front(), kLamp)) == 0.0f);
+    host.load(oneSplat(0, glm::vec3(0.5f), 1.0f));
+    const Image solid = host.draw(front(), kLamp);
+    CHECK(solid.pixel(16, 16)[3] == doctest::Approx(kMaxAlpha).epsilon(1e-4));
+}
+
+TEST_CASE("five thousand layers on one pixel blend like the reference")
+{
+    if (!haveGl()) return;
+    SplatAsset asset = randomAsset(5000, 0, 8);
+    for (size_t g = 0; g < asset.cloud.count; ++g) {
+        asset.cloud.positions[g] *= glm::vec3(0.01f, 0.01f, 1.0f);
+        asset.cloud.opacities[g] = 0.01f;
+    }
+    Host host(asset);
+    const Camera camera = lookAt({0, 0, 2}, {0, 0, 0}, 9, 9, 40);
+    const Image image = host.draw(camera, kLamp), expected = referenceImage(asset, camera, kLamp);
+    CHECK(expected.pixel(4, 4)[3] > 0.9f);
+    CHECK(largestDifference(image, expected) < 1e-3f * std::max(1.0f, largest(expected))); // 5000 f32 blends; the reference ends at 1e-4
+}
+
+TEST_CASE("equal distances keep the order of the file: the first splat is in front")
+{
+    if (!haveGl()) return;
+    SplatAsset asset = randomAsset(2, 0, 9);
+    for (int g = 0; g < 2; ++g) {
+        asset.cloud.positions[g] = glm::vec3(0);
+        asset.cloud.scales[g] = glm::vec3(0.4f);
+        asset.cloud.opacities[g] = 0.9f;
+    }
+    asset.channels[2].values = {1, 0, 0, 0, 1, 0}; // rho: red, then green
+    for (float& v : asset.channels[1].values) v = 0; // tInd
+    Host host(asset);
+    const Image image = host.draw(front(), kLamp);
+    CHECK(image.pixel(16, 16)[0] > 4 * image.pixel(16, 16)[1]);
+    CHECK(largestDifference(image, referenceImage(asset, front(), kLamp)) < 1e-5f);
+}
+
+TEST_CASE("splats far below a pixel fade with their area and do not vanish or blow up")
+{
+    if (!haveGl()) return;
+    for (const float scale : {2e-3f, 1e-3f, 1e-5f}) {
+        CAPTURE(scale);
+        const SplatAsset asset = oneSplat(0, glm::vec3(scale), 1.0f);
+        Host host(asset);
+        const Image image = host.draw(front(), kLamp);
+        CHECK(allFinite(image));
+        CHECK(largestDifference(image, referenceImage(asset, front(), kLamp)) < 1e-5f);
+    }
+}
+
+TEST_CASE("a covariance of condition number 1e8 keeps its shape")
+{
+    if (!haveGl()) return;
+    SplatAsset asset = oneSplat(0, {0.5f, 5e-5f, 5e-5f}, 1.0f);
+    asset.cloud.rotations[0] = glm::normalize(glm::quat(0.9f, 0.1f, -0.3f, 0.25f));
+    asset.lowPassVariance = 0.1f;
+    Host host(asset);
+    CHECK(largestDifference(host.draw(front(), kLamp), referenceImage(asset, front(), kLamp)) < 1e-4f);
+}
+
+TEST_CASE("no low-pass at all still draws finite pixels")
+{
+    if (!haveGl()) return;
+    SplatAsset asset = randomAsset(100, 0, 10, 0.2f);
+    asset.lowPassVariance = 0.0f;
+    Host host(asset);
+    const Image image = host.draw(front(), kLamp);
+    CHECK(allFinite(image));
+    CHECK(psnr(image, referenceImage(asset, front(), kLamp)) > 60.0);
+}

@@ -1,0 +1,129 @@
+// The GL renderer against the float64 reference made of the scalar headers.
+#include "runtime_fixture.h"
+
+using namespace nacre;
+using namespace nacre::test;
+
+static Camera offCentre()
+{
+    Camera c = lookAt({0.9, 0.7, 1.6}, {0, 0, 0}, 72, 56, 80);
+    c.cx += 5.3, c.cy -= 3.7, c.fy = 90; // nothing symmetric: a flip or a swap shows
+    return c;
+}
+
+static const std::vector<Light> kMixedLights = {pointLight({0.8f, 1.1f, 0.4f}, {2.0f, 1.0f, 0.5f}),
+                                                directionalLight({-0.3f, 0.4f, 0.9f}, {0.3f, 0.6f, 0.9f}),
+                                                pointLight({-1.2f, 0.2f, 0.7f}, {0.5f, 1.5f, 1.0f}, 1.6f)}; // splats inside its radius
+
+TEST_CASE("one splat has the colour and shape of the scalar reference for every size of s")
+{
+    if (!haveGl()) return;
+    Host host;
+    for (const int functions : {0, 1, 4, 9, 16, 25}) {
+        CAPTURE(functions);
+        const SplatAsset asset = oneSplat(functions, {0.3f, 0.1f, 0.05f});
+        host.load(asset);
+        const Image expected = referenceImage(asset, offCentre(), kMixedLights);
+        CHECK(largest(expected) > 0.05f);
+        // f32 sums of 25 terms and of the view matrix, on values of order one
+        CHECK(largestDifference(host.draw(offCentre(), kMixedLights), expected) < 2e-5f);
+    }
+}
+
+TEST_CASE("every light type alone matches the scalar reference")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = oneSplat(25);
+    Host host(asset);
+    for (const Light& light : kMixedLights)
+        CHECK(largestDifference(host.draw(offCentre(), {{light}}), referenceImage(asset, offCentre(), {{light}})) < 2e-5f);
+}
+
+TEST_CASE("a random cloud of 2000 splats matches the reference image")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = randomAsset(2000, 9, 3);
+    Host host(asset);
+    const Image expected = referenceImage(asset, offCentre(), kMixedLights), drawn = host.draw(offCentre(), kMixedLights);
+    CHECK(largest(expected) > 0.3f);
+    CHECK(psnr(drawn, expected) > 60.0); // measured 90: alpha cuts and depth ties may flip in f32
+}
+
+TEST_CASE("the sum of single-light images is the image with all lights")
+{
+    if (!haveGl()) return;
+    std::vector<Light> lights = kMixedLights;
+    for (int i = 0; i < 6; ++i) // nine lights: three groups, the last with one
+        lights.push_back(pointLight({std::cos(float(i)), 1.0f, std::sin(float(i))}, {0.2f * float(i), 0.5f, 1.0f}));
+    Host host(randomAsset(200, 25, 5));
+    Image sum = host.draw(offCentre(), {{lights[0]}});
+    for (size_t i = 1; i < lights.size(); ++i) {
+        const Image one = host.draw(offCentre(), {{lights[i]}});
+        for (size_t k = 0; k < sum.rgba.size(); ++k)
+            if (k % 4 != 3) sum.rgba[k] += one.rgba[k];
+    }
+    const Image together = host.draw(offCentre(), lights);
+    CHECK(largestDifference(sum, together) < 2e-6f * largest(together) * 9); // f32 rounding of nine blended images
+}
+
+TEST_CASE("256 lights at once match the reference")
+{
+    if (!haveGl()) return;
+    std::vector<Light> lights;
+    for (int i = 0; i < NACRE_MAX_LIGHTS; ++i) {
+        const float t = float(i);
+        lights.push_back(i % 2 ? pointLight({std::cos(t), std::sin(1.7f * t), std::sin(t)}, glm::vec3(0.02f))
+                               : directionalLight({std::sin(t), 0.5f, std::cos(t)}, glm::vec3(0.01f)));
+    }
+    const SplatAsset asset = oneSplat(4);
+    Host host(asset);
+    const Image expected = referenceImage(asset, offCentre(), lights);
+    CHECK(largestDifference(host.draw(offCentre(), lights), expected) < 2e-5f * std::max(1.0f, largest(expected)));
+}
+
+TEST_CASE("a moved, turned and scaled asset is lit and seen as in its own frame")
+{
+    if (!haveGl()) return;
+    const double k = 2.5;
+    const glm::dmat4 worldFromAsset = glm::scale(
+        glm::rotate(glm::translate(glm::dmat4(1.0), glm::dvec3(3, -2, 5)), 0.8, glm::normalize(glm::dvec3(1, 2, -1))), glm::dvec3(k));
+    const SplatAsset asset = randomAsset(300, 9, 11);
+    Host host(asset);
+    const Image expected = referenceImage(asset, offCentre(), kMixedLights);
+
+    std::vector<Light> world = kMixedLights;
+    for (Light& light : world) {
+        light.position = glm::vec3(worldFromAsset * glm::dvec4(light.position, 1.0));
+        light.directionToLight = glm::vec3(glm::dmat3(worldFromAsset) * glm::dvec3(light.directionToLight) / k);
+        light.radius *= float(k);
+        if (light.type == LightType::kPoint) light.intensity *= float(k * k); // world distances are k times longer
+    }
+    host.setLights(world);
+    NacreDrawDesc desc = describe(offCentre());
+    copy(desc.worldFromAsset, worldFromAsset);
+    const glm::dmat3 rotation = glm::dmat3(worldFromAsset) / k;
+    glm::dmat4 worldFromView = glm::dmat4(rotation) * glm::dmat4(glm::dmat3(offCentre().worldFromCamera));
+    worldFromView[3] = worldFromAsset * offCentre().worldFromCamera[3];
+    copy(desc.viewFromWorld, glm::inverse(worldFromView));
+    CHECK(psnr(host.draw(offCentre(), desc), expected) > 60.0); // near plane and rounding differ
+}
+
+TEST_CASE("the GL renderer of the tools draws the reference image, top row first, and times it")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = randomAsset(100, 4, 13);
+    const auto bytes = encodeAsset(asset);
+    REQUIRE(bytes);
+    const auto renderer = makeGlRenderer(*bytes);
+    REQUIRE(renderer);
+    const auto image = (*renderer)->render(offCentre(), kMixedLights);
+    REQUIRE(image);
+    CHECK(psnr(*image, referenceImage(asset, offCentre(), kMixedLights)) > 60.0);
+    const auto times = (*renderer)->time(offCentre(), kMixedLights, 1, 3);
+    REQUIRE(times);
+    CHECK(times->relightMs > 0);
+    CHECK(times->frameMs >= times->rasterMs);
+    Light environment;
+    environment.type = LightType::kEnvironment;
+    CHECK_FALSE((*renderer)->render(offCentre(), {{environment}}));
+}
