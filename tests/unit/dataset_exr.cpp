@@ -1,0 +1,165 @@
+#include "dataset_support.h"
+
+#include <limits>
+
+using namespace nacre;
+
+// 5 x 4 pixels, tiles of 2 x 3, float, ZIP, channels B G R, R = 10 y + x, G = R + 0.5, B = -R; written by OpenEXR's TiledOutputFile.
+static const unsigned char kTiledExr[] = {
+#include "dataset_tiled_exr.inc"
+};
+
+static Image gradient(int width, int height)
+{
+    Image image{width, height, {}};
+    for (int i = 0; i < width * height * 4; i++) image.rgba.push_back(i % 4 == 3 ? 0.5f : float(i) / 64.0f); // exact in half
+    return image;
+}
+
+TEST_CASE("half-representable pixels survive an EXR round trip exactly")
+{
+    TempFolder folder;
+    const Image image = gradient(7, 40); // more rows than one read band
+    REQUIRE(writeExr(image, folder.file("a.exr")));
+    Result<Image> back = readExr(folder.file("a.exr"));
+    REQUIRE(back);
+    CHECK(back->width == 7);
+    CHECK(back->height == 40);
+    CHECK(back->rgba == image.rgba);
+    Result<Image> size = readExrSize(folder.file("a.exr"));
+    REQUIRE(size);
+    CHECK(size->width == 7);
+    CHECK(size->height == 40);
+}
+
+TEST_CASE("float EXR keeps float precision and missing alpha reads as 1")
+{
+    ExrBuilder exr;
+    exr.channels = {"B", "G", "R"};
+    Result<Image> image = decodeExr(exr.build(1.0000001f, 1, 1), "a.exr");
+    REQUIRE(image);
+    CHECK(image->width == 4);
+    CHECK(image->height == 3);
+    CHECK(image->pixel(1, 1)[1] == 1.0000001f);
+    CHECK(image->pixel(3, 2)[0] == exr.value(2, 3, 2));
+    CHECK(image->pixel(3, 2)[2] == exr.value(0, 3, 2));
+    CHECK(image->pixel(0, 0)[3] == 1.0f);
+}
+
+TEST_CASE("tiled EXR reads like scanline EXR")
+{
+    Result<Image> image = decodeExr(std::as_bytes(std::span(kTiledExr)), "tiled.exr");
+    REQUIRE(image);
+    REQUIRE(image->width == 5);
+    REQUIRE(image->height == 4);
+    for (int y = 0; y < 4; y++)
+        for (int x = 0; x < 5; x++) {
+            const float v = float(10 * y + x);
+            CHECK(image->pixel(x, y)[0] == v);
+            CHECK(image->pixel(x, y)[1] == v + 0.5f);
+            CHECK(image->pixel(x, y)[2] == -v);
+            CHECK(image->pixel(x, y)[3] == 1.0f);
+        }
+}
+
+TEST_CASE("EXR data window is placed in the display window, black and empty outside")
+{
+    ExrBuilder exr;
+    const int32_t data[4] = {-2, 1, 2, 3}, display[4] = {0, 0, 5, 4};
+    std::copy_n(data, 4, exr.dataWindow);
+    std::copy_n(display, 4, exr.displayWindow);
+    Result<Image> image = decodeExr(exr.build(), "crop.exr");
+    REQUIRE(image);
+    CHECK(image->width == 6);
+    CHECK(image->height == 5);
+    for (int y = 0; y < 5; y++)
+        for (int x = 0; x < 6; x++) {
+            const bool inside = x <= 2 && y >= 1 && y <= 3;
+            CHECK(image->pixel(x, y)[0] == (inside ? exr.value(3, x, y) : 0.0f));
+            CHECK(image->pixel(x, y)[3] == (inside ? exr.value(0, x, y) : 0.0f));
+        }
+}
+
+TEST_CASE("EXR with NaN or infinite pixels names the file and the pixel")
+{
+    const ExrBuilder exr;
+    Result<Image> nan = decodeExr(exr.build(std::numeric_limits<float>::quiet_NaN(), 2, 1), "nan.exr");
+    REQUIRE(!nan);
+    checkError(nan.error(), ErrorCode::kBadInput, {"nan.exr", "NaN", "(2, 1)"});
+    Result<Image> infinite = decodeExr(exr.build(-std::numeric_limits<float>::infinity(), 0, 2), "inf.exr");
+    REQUIRE(!infinite);
+    checkError(infinite.error(), ErrorCode::kBadInput, {"inf.exr", "infinite", "(0, 2)"});
+}
+
+TEST_CASE("EXR without R, G, B says which channels it has")
+{
+    ExrBuilder exr;
+    exr.channels = {"Y", "Z"};
+    Result<Image> image = decodeExr(exr.build(), "depth.exr");
+    REQUIRE(!image);
+    checkError(image.error(), ErrorCode::kBadInput, {"depth.exr", "Y, Z", "R, G, B"});
+}
+
+TEST_CASE("EXR that is subsampled, multi-part or of another version is refused")
+{
+    ExrBuilder exr;
+    exr.sampling = 2;
+    CHECK(!decodeExr(exr.build(), "a.exr"));
+    exr = {};
+    exr.version = 2 | 0x1000;
+    Result<Image> multi = decodeExr(exr.build(), "multi.exr");
+    REQUIRE(!multi);
+    checkError(multi.error(), ErrorCode::kUnsupported, {"multi-part"});
+    exr.version = 3;
+    CHECK(!decodeExr(exr.build(), "a.exr"));
+}
+
+TEST_CASE("EXR that lies about its size is refused before its pixels are allocated")
+{
+    for (const auto& [maxX, maxY] : {std::pair{INT32_MAX, INT32_MAX}, {65536, 3}, {65535, 65535}, {-1, 3}, {3, INT32_MIN}}) {
+        ExrBuilder exr;
+        exr.dataWindow[2] = maxX;
+        exr.dataWindow[3] = maxY;
+        Result<Image> image = decodeExr(exr.build(), "lie.exr");
+        REQUIRE(!image);
+        checkError(image.error(), ErrorCode::kBadInput, {"lie.exr", "data window"});
+    }
+    ExrBuilder exr; // allowed size, missing pixels: must fail at the first block
+    exr.dataWindow[2] = exr.displayWindow[2] = exr.dataWindow[3] = exr.displayWindow[3] = 16383;
+    CHECK(!decodeExr(exr.build(), "empty.exr"));
+    Bytes many = ExrBuilder().build();
+    many.resize(60); // inside the channel list
+    CHECK(!decodeExr(many, "cut.exr"));
+}
+
+TEST_CASE("EXR cut off at any byte is an error")
+{
+    TempFolder folder;
+    REQUIRE(writeExr(gradient(8, 20), folder.file("a.exr")));
+    const Bytes zip = *readFile(folder.file("a.exr")), raw = ExrBuilder().build();
+    const auto tiled = std::as_bytes(std::span(kTiledExr));
+    for (const Bytes& bytes : {zip, raw, Bytes(tiled.begin(), tiled.end())})
+        for (size_t n = 0; n < bytes.size(); n++) {
+            Result<Image> image = decodeExr(std::span(bytes).first(n), "cut.exr");
+            if (image) FAIL("decoded from " << n << " of " << bytes.size() << " bytes");
+        }
+}
+
+TEST_CASE("writing an EXR refuses what half floats cannot hold and leaves nothing behind on failure")
+{
+    TempFolder folder;
+    Image image = gradient(2, 2);
+    image.rgba[5] = 65505.0f;
+    Status tooLarge = writeExr(image, folder.file("a.exr"));
+    REQUIRE(!tooLarge);
+    checkError(tooLarge.error(), ErrorCode::kBadInput, {"(1, 0)", "65504"});
+    image.rgba[5] = std::numeric_limits<float>::quiet_NaN();
+    CHECK(!writeExr(image, folder.file("a.exr")));
+    Image lying{3, 3, std::vector<float>(4)};
+    CHECK(!writeExr(lying, folder.file("a.exr")));
+    CHECK(std::filesystem::is_empty(folder.path));
+
+    Status noFolder = writeExr(gradient(2, 2), folder.file("no/such/folder/a.exr"));
+    REQUIRE(!noFolder);
+    CHECK(noFolder.error().code == ErrorCode::kIo);
+}

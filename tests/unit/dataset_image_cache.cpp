@@ -1,0 +1,102 @@
+#include "dataset_support.h"
+
+#include <limits>
+#include <thread>
+
+using namespace nacre;
+
+namespace {
+
+constexpr int kSize = 8;
+constexpr size_t kImageBytes = kSize * kSize * 16;
+
+/// `count` images, all red channels equal to the image's index.
+OlatDataset numberedImages(const TempFolder& folder, size_t count)
+{
+    OlatDataset dataset;
+    dataset.splits.push_back({"train", {lookAtOrigin({2, 0, 1}, kSize)}, {}});
+    for (size_t i = 0; i < count; i++) {
+        Image image{kSize, kSize, std::vector<float>(kSize * kSize * 4, 1.0f)};
+        for (size_t p = 0; p < image.rgba.size(); p += 4) image.rgba[p] = float(i);
+        const std::string path = folder.file(std::to_string(i) + ".exr");
+        REQUIRE(writeExr(image, path));
+        dataset.splits[0].images.push_back({0, Light(), path});
+    }
+    return dataset;
+}
+
+} // namespace
+
+TEST_CASE("cache stays within its budget and keeps the most recently used images")
+{
+    TempFolder folder;
+    const OlatDataset dataset = numberedImages(folder, 6);
+    ImageCache cache(dataset, 3 * kImageBytes + 100);
+    std::vector<const Image*> first;
+    for (size_t i = 0; i < 6; i++) {
+        Result<std::shared_ptr<const Image>> image = cache.load(dataset.splits[0], i);
+        REQUIRE(image);
+        CHECK((*image)->rgba[0] == float(i));
+        CHECK(cache.residentBytes() <= 3 * kImageBytes + 100);
+    }
+    CHECK(cache.residentBytes() == 3 * kImageBytes);
+    for (size_t i = 0; i < 6; i++) std::filesystem::remove(folder.file(std::to_string(i) + ".exr"));
+    CHECK(!cache.load(dataset.splits[0], 2)); // evicted
+    for (size_t i = 3; i < 6; i++) CHECK(cache.load(dataset.splits[0], i));
+}
+
+TEST_CASE("an image above the whole budget is handed out but not kept")
+{
+    TempFolder folder;
+    const OlatDataset dataset = numberedImages(folder, 1);
+    ImageCache cache(dataset, kImageBytes - 1);
+    CHECK(cache.load(dataset.splits[0], 0));
+    CHECK(cache.residentBytes() == 0);
+}
+
+TEST_CASE("threads that share a small cache all get the right pixels")
+{
+    TempFolder folder;
+    const OlatDataset dataset = numberedImages(folder, 5);
+    ImageCache cache(dataset, 2 * kImageBytes);
+    std::vector<std::thread> threads;
+    std::vector<int> wrong(4, 0); // doctest's checks stay on this thread
+    for (size_t t = 0; t < wrong.size(); t++)
+        threads.emplace_back([&, t] {
+            for (size_t k = 0; k < 100; k++) {
+                const size_t i = (k * (t + 1) + t) % 5;
+                Result<std::shared_ptr<const Image>> image = cache.load(dataset.splits[0], i);
+                if (!image || (*image)->rgba[0] != float(i) || cache.residentBytes() > 2 * kImageBytes) wrong[t]++;
+            }
+        });
+    for (std::thread& t : threads) t.join();
+    for (int w : wrong) CHECK(w == 0);
+}
+
+TEST_CASE("an image that does not fit its camera, has NaN or impossible alpha is an error that names it")
+{
+    TempFolder folder;
+    OlatDataset dataset = numberedImages(folder, 1);
+    const std::string path = dataset.splits[0].images[0].path;
+    dataset.splits[0].cameras[0].height = kSize + 1;
+    Result<std::shared_ptr<const Image>> wrongSize = ImageCache(dataset, 1 << 20).load(dataset.splits[0], 0);
+    REQUIRE(!wrongSize);
+    checkError(wrongSize.error(), ErrorCode::kBadInput, {path.c_str(), "8 x 8", "8 x 9"});
+    dataset.splits[0].cameras[0].height = kSize;
+
+    Image image{kSize, kSize, std::vector<float>(kSize * kSize * 4, 1.0f)};
+    for (const float alpha : {1.5f, -0.25f}) {
+        image.rgba[4 * 9 + 3] = alpha;
+        REQUIRE(writeExr(image, path));
+        Result<std::shared_ptr<const Image>> wrongAlpha = ImageCache(dataset, 1 << 20).load(dataset.splits[0], 0);
+        REQUIRE(!wrongAlpha);
+        checkError(wrongAlpha.error(), ErrorCode::kBadInput, {path.c_str(), "alpha", "(1, 1)"});
+    }
+    const Bytes nan = ExrBuilder().build(std::numeric_limits<float>::quiet_NaN(), 1, 1);
+    REQUIRE(writeFileAtomically(path, nan));
+    Result<std::shared_ptr<const Image>> notFinite = ImageCache(dataset, 1 << 20).load(dataset.splits[0], 0);
+    REQUIRE(!notFinite);
+    checkError(notFinite.error(), ErrorCode::kBadInput, {path.c_str(), "NaN"});
+    std::filesystem::remove(path);
+    CHECK(!ImageCache(dataset, 1 << 20).load(dataset.splits[0], 0));
+}
