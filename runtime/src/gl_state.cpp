@@ -32,10 +32,10 @@ GlStateGuard::Blend GlStateGuard::readBlend(int i) const
     return b;
 }
 
-void GlStateGuard::setViewport(const float box[4]) const
+void setViewport(const Gl& gl, const float box[4])
 {
-    if (gl_.ViewportIndexedf) gl_.ViewportIndexedf(0, box[0], box[1], box[2], box[3]); // leaves the host's other viewports alone
-    else gl_.Viewport(GLint(box[0]), GLint(box[1]), GLsizei(box[2]), GLsizei(box[3]));
+    if (gl.ViewportIndexedf) gl.ViewportIndexedf(0, box[0], box[1], box[2], box[3]);
+    else gl.Viewport(GLint(box[0]), GLint(box[1]), GLsizei(box[2]), GLsizei(box[3]));
 }
 
 GlStateGuard::GlStateGuard(const Gl& gl) : gl_(gl), drawBufferCount_(std::min(gl.maxDrawBuffers, kMaxDrawBuffers))
@@ -92,7 +92,7 @@ void GlStateGuard::beginPasses()
 void GlStateGuard::beginDraw(bool depthTest)
 {
     gl_.BindFramebuffer(GL_DRAW_FRAMEBUFFER, GLuint(drawFramebuffer_));
-    setViewport(viewport_);
+    setViewport(gl_, viewport_);
     if (scissor_) gl_.Enablei(GL_SCISSOR_TEST, 0);
     set(gl_, GL_DEPTH_TEST, depthTest);
     gl_.DepthMask(GL_FALSE);
@@ -139,7 +139,7 @@ GlStateGuard::~GlStateGuard()
     set(gl, GL_DEPTH_TEST, depthTest_);
     gl.DepthMask(depthMask_);
     (scissor_ ? gl.Enablei : gl.Disablei)(GL_SCISSOR_TEST, 0);
-    setViewport(viewport_);
+    setViewport(gl_, viewport_);
 }
 
 } // namespace nacre

@@ -12,6 +12,9 @@ namespace nacre {
 
 constexpr int kTextureUnits = 5; // units 0..4 are used
 
+/// x, y, width, height of viewport 0; leaves the host's other viewports alone.
+void setViewport(const Gl& gl, const float box[4]);
+
 class GlStateGuard {
 public:
     explicit GlStateGuard(const Gl& gl);
@@ -31,7 +34,6 @@ private:
     struct Blend { GLint srcRgb, dstRgb, srcAlpha, dstAlpha, equationRgb, equationAlpha; };
     struct DrawBuffer { GLboolean blend, mask[4]; Blend factors; };
 
-    void setViewport(const float box[4]) const;
     Blend readBlend(int drawBuffer) const;
 
     const Gl& gl_;

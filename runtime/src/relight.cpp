@@ -6,6 +6,7 @@
 #include "asset.h"
 
 #include "base/light.h"
+#include "gl_state.h"
 
 #include <algorithm>
 #include <cstring>
@@ -54,7 +55,8 @@ static void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int slots)
 {
     const Gl& gl = asset.context->gl;
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
-    gl.Viewport(0, 0, asset.width, asset.rows * slots);
+    const float box[4] = {0, 0, float(asset.width), float(asset.rows * slots)};
+    setViewport(gl, box);
     gl.DrawArrays(GL_TRIANGLES, 0, 3);
 }
 

@@ -267,6 +267,7 @@ public:
 
     NacreAsset create(const SplatAsset& source)
     {
+        gl->makeCurrent();
         const auto bytes = encodeAsset(source);
         REQUIRE(bytes);
         NacreAsset made = nullptr;

@@ -1,0 +1,520 @@
+// The contract of nacre.h: what is re-evaluated when, which state survives, what bad input does.
+#include "runtime_fixture.h"
+
+#define GL_GLEXT_PROTOTYPES
+#include <GL/glcorearb.h>
+
+#include <map>
+
+using namespace nacre;
+using namespace nacre::test;
+
+static Camera front(double distance = 2) { return lookAt({0, 0, distance}, {0, 0, 0}, 33, 33, 40); }
+static const std::vector<Light> kLamp = {pointLight({1, 1, 2}, glm::vec3(3))};
+
+// ---- re-evaluation ------------------------------------------------------------------------------------------------------------
+
+struct Passes {
+    uint32_t light, view, combine, sorted;
+    bool operator==(const Passes&) const = default;
+};
+
+static Passes passes(const Host& host)
+{
+    const NacreDrawStats s = host.stats();
+    return {s.lightPassesRun, s.viewPassesRun, s.combinePassesRun, s.sorted};
+}
+
+TEST_CASE("each pass runs only when its inputs changed")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(20, 4, 1));
+    host.draw(front(), kLamp);
+    CHECK(passes(host) == Passes{1, 1, 1, 1});
+    CHECK(host.stats().splatsDrawn == 20);
+    host.draw(front());
+    CHECK(passes(host) == Passes{0, 0, 0, 0});
+    host.draw(front(), kLamp); // the same lights again
+    CHECK(passes(host) == Passes{0, 0, 0, 0});
+    host.draw(front(), {{directionalLight({0, 1, 0}, glm::vec3(1))}});
+    CHECK(passes(host) == Passes{1, 0, 1, 0});
+    host.draw(front(2.5));
+    CHECK(passes(host) == Passes{0, 1, 1, 1});
+    Camera rolled = front(2.5); // on its side, same place: what is in the frame changes, not the light
+    rolled.worldFromCamera[0] = {0, 1, 0, 0}, rolled.worldFromCamera[1] = {-1, 0, 0, 0};
+    host.draw(rolled);
+    CHECK(passes(host) == Passes{0, 0, 0, 1});
+    NacreDrawDesc desc = describe(front());
+    copy(desc.worldFromAsset, glm::translate(glm::dmat4(1.0), glm::dvec3(0.1, 0, 0)));
+    host.setLights(kLamp);
+    host.draw(front(), desc); // the asset moves under a point light
+    CHECK(passes(host) == Passes{1, 1, 1, 1});
+}
+
+TEST_CASE("an asset without s never runs the view pass")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(20, 0, 1));
+    host.draw(front(), kLamp);
+    CHECK(passes(host) == Passes{1, 0, 1, 1});
+    host.draw(front(3));
+    CHECK(passes(host) == Passes{0, 0, 0, 1});
+}
+
+TEST_CASE("cached results draw the same image as fresh ones")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = randomAsset(100, 9, 2);
+    Host used(asset), fresh(asset);
+    used.draw(front(3), {{directionalLight({0, 1, 0}, glm::vec3(1))}});
+    used.draw(front(), {{kLamp[0], kLamp[0], kLamp[0], kLamp[0], kLamp[0], kLamp[0]}});
+    CHECK(largestDifference(used.draw(front(), kLamp), fresh.draw(front(), kLamp)) == 0.0f);
+}
+
+TEST_CASE("splats outside the frame are culled, those that reach into it are not")
+{
+    if (!haveGl()) return;
+    SplatAsset asset = randomAsset(3, 0, 1);
+    asset.cloud.positions = {{0, 0, 0}, {10, 0, 0}, {1.2f, 0, 0}}; // the frame is 1.65 wide there
+    asset.cloud.scales = {glm::vec3(0.01f), glm::vec3(0.01f), glm::vec3(0.3f)};
+    Host host(asset);
+    const Image image = host.draw(front(), kLamp);
+    CHECK(host.stats().splatsDrawn == 2);
+    CHECK(largestDifference(image, referenceImage(asset, front(), kLamp)) < 1e-5f);
+}
+
+TEST_CASE("profiling reports true times")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(500, 25, 1));
+    nacreContextSetProfiling(host.context, 1);
+    host.draw(front(), kLamp);
+    CHECK(host.stats().relightSeconds > 0);
+    CHECK(host.stats().rasterSeconds > 0);
+    CHECK(host.stats().relightSeconds < 60);
+}
+
+// ---- the host's frame ---------------------------------------------------------------------------------------------------------
+
+TEST_CASE("splats are blended over what the host has drawn, and hidden by its depth")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = oneSplat(0, glm::vec3(0.5f), 0.9f);
+    Host host(asset);
+    host.setLights(kLamp);
+    const Image alone = host.draw(front());
+    const auto over = [&](float depth, int depthTest) {
+        REQUIRE(host.gl->beginFrame(33, 33));
+        glClearColor(0.25f, 0.5f, 1.0f, 1.0f);
+        glClearDepth(depth);
+        glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+        glEnable(GL_DEPTH_TEST);
+        NacreDrawDesc desc = describe(front());
+        desc.depthTest = depthTest;
+        REQUIRE(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+        glDisable(GL_DEPTH_TEST);
+        return host.gl->readFrame();
+    };
+    const float* before = alone.pixel(16, 16);
+    const float background[4] = {0.25f, 0.5f, 1.0f, 1.0f};
+    const double centreDepth = 0.5 + 0.5 * (1 - 2 * 0.01 / 2); // z/w at distance 2 with near 0.01
+    for (const Image& image : {over(1.0f, 1), over(float(centreDepth + 1e-4), 1), over(0.0f, 0)})
+        for (int c = 0; c < 4; ++c)
+            CHECK(image.pixel(16, 16)[c] == doctest::Approx(before[c] + (1 - before[3]) * background[c]).epsilon(1e-5));
+    const Image hidden = over(float(centreDepth - 1e-4), 1);
+    for (int c = 0; c < 4; ++c) CHECK(hidden.pixel(16, 16)[c] == background[c]);
+}
+
+TEST_CASE("viewport and scissor of the host apply")
+{
+    if (!haveGl()) return;
+    Host host(oneSplat(0, glm::vec3(0.5f)));
+    host.setLights(kLamp);
+    const Image alone = host.draw(front());
+    REQUIRE(host.gl->beginFrame(80, 80));
+    glViewport(40, 20, 33, 33);
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(40, 20, 33, 17);
+    const NacreDrawDesc desc = describe(front());
+    REQUIRE(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    glDisable(GL_SCISSOR_TEST);
+    const Image image = host.gl->readFrame();
+    for (int y = 0; y < 80; ++y)
+        for (int x = 0; x < 80; ++x) {
+            const int ax = x - 40, ay = 32 - (79 - y - 20); // window y 20 is the bottom row of the small image
+            const bool inside = ax >= 0 && ax < 33 && ay < 33 && ay >= 16;
+            // pixel positions are 40 larger, so f32 interpolation rounds differently
+            REQUIRE(std::abs(image.pixel(x, y)[3] - (inside ? alone.pixel(ax, ay)[3] : 0.0f)) < 1e-5f);
+        }
+}
+
+TEST_CASE("a half-float target stays free of infinities")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(50, 0, 3));
+    host.setLights({{pointLight({0, 0, 1}, glm::vec3(1e9f))}});
+    GLuint framebuffer = 0, texture = 0;
+    glGenFramebuffers(1, &framebuffer);
+    glGenTextures(1, &texture);
+    glBindTexture(GL_TEXTURE_2D, texture);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA16F, 33, 33, 0, GL_RGBA, GL_FLOAT, nullptr);
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
+    REQUIRE(glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE);
+    glViewport(0, 0, 33, 33);
+    glClear(GL_COLOR_BUFFER_BIT);
+    const NacreDrawDesc desc = describe(front());
+    REQUIRE(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    Image image{33, 33, std::vector<float>(4 * 33 * 33)};
+    glReadPixels(0, 0, 33, 33, GL_RGBA, GL_FLOAT, image.rgba.data());
+    CHECK(allFinite(image));
+    CHECK(largest(image) > 1e4f);
+    glDeleteFramebuffers(1, &framebuffer);
+    glDeleteTextures(1, &texture);
+}
+
+// ---- GL state -----------------------------------------------------------------------------------------------------------------
+
+/// Every value of GL state a host could notice, by name.
+static std::map<std::string, std::vector<double>> snapshot()
+{
+    std::map<std::string, std::vector<double>> state;
+    const auto integers = [&](const char* name, GLenum what, int count) {
+        GLint v[16] = {};
+        glGetIntegerv(what, v);
+        state[name].assign(v, v + count);
+    };
+    const auto floats = [&](const char* name, GLenum what, int count) {
+        GLfloat v[16] = {};
+        glGetFloatv(what, v);
+        state[name].assign(v, v + count);
+    };
+    const auto enabled = [&](const char* name, GLenum what) { state[name] = {double(glIsEnabled(what))}; };
+#define I(what, n) integers(#what, what, n)
+    I(GL_DRAW_FRAMEBUFFER_BINDING, 1); I(GL_READ_FRAMEBUFFER_BINDING, 1); I(GL_RENDERBUFFER_BINDING, 1); I(GL_VERTEX_ARRAY_BINDING, 1);
+    I(GL_ARRAY_BUFFER_BINDING, 1); I(GL_ELEMENT_ARRAY_BUFFER_BINDING, 1); I(GL_UNIFORM_BUFFER_BINDING, 1);
+    I(GL_PIXEL_UNPACK_BUFFER_BINDING, 1); I(GL_PIXEL_PACK_BUFFER_BINDING, 1); I(GL_CURRENT_PROGRAM, 1); I(GL_ACTIVE_TEXTURE, 1);
+    I(GL_UNPACK_SWAP_BYTES, 1); I(GL_UNPACK_LSB_FIRST, 1); I(GL_UNPACK_ROW_LENGTH, 1); I(GL_UNPACK_SKIP_ROWS, 1);
+    I(GL_UNPACK_SKIP_PIXELS, 1); I(GL_UNPACK_SKIP_IMAGES, 1); I(GL_UNPACK_IMAGE_HEIGHT, 1); I(GL_UNPACK_ALIGNMENT, 1);
+    I(GL_PACK_ALIGNMENT, 1); I(GL_PACK_ROW_LENGTH, 1); I(GL_DRAW_BUFFER0, 1); I(GL_DRAW_BUFFER1, 1); I(GL_READ_BUFFER, 1);
+    I(GL_DEPTH_FUNC, 1); I(GL_DEPTH_WRITEMASK, 1); I(GL_CULL_FACE_MODE, 1); I(GL_FRONT_FACE, 1); I(GL_POLYGON_MODE, 1);
+    I(GL_STENCIL_FUNC, 1); I(GL_STENCIL_REF, 1); I(GL_STENCIL_VALUE_MASK, 1); I(GL_STENCIL_WRITEMASK, 1); I(GL_STENCIL_FAIL, 1);
+    I(GL_SCISSOR_BOX, 4); I(GL_LOGIC_OP_MODE, 1); I(GL_PRIMITIVE_RESTART_INDEX, 1); I(GL_PROVOKING_VERTEX, 1);
+    I(GL_CLIP_ORIGIN, 1); I(GL_CLIP_DEPTH_MODE, 1);
+#undef I
+    floats("viewport", GL_VIEWPORT, 4);
+    floats("depth range", GL_DEPTH_RANGE, 2);
+    floats("clear color", GL_COLOR_CLEAR_VALUE, 4);
+    floats("clear depth", GL_DEPTH_CLEAR_VALUE, 1);
+    floats("blend color", GL_BLEND_COLOR, 4);
+    floats("polygon offset", GL_POLYGON_OFFSET_FACTOR, 1);
+    floats("line width", GL_LINE_WIDTH, 1);
+#define E(what) enabled(#what, what)
+    E(GL_DEPTH_TEST); E(GL_CULL_FACE); E(GL_STENCIL_TEST); E(GL_COLOR_LOGIC_OP); E(GL_RASTERIZER_DISCARD); E(GL_POLYGON_OFFSET_FILL);
+    E(GL_PRIMITIVE_RESTART); E(GL_SAMPLE_ALPHA_TO_COVERAGE); E(GL_SAMPLE_ALPHA_TO_ONE); E(GL_SAMPLE_COVERAGE); E(GL_SAMPLE_MASK);
+    E(GL_FRAMEBUFFER_SRGB); E(GL_DEPTH_CLAMP); E(GL_DITHER); E(GL_MULTISAMPLE); E(GL_LINE_SMOOTH); E(GL_POLYGON_SMOOTH);
+    E(GL_TEXTURE_CUBE_MAP_SEAMLESS); E(GL_PROGRAM_POINT_SIZE);
+    for (GLuint i = 0; i < 8; ++i) enabled(("clip distance " + std::to_string(i)).c_str(), GL_CLIP_DISTANCE0 + i);
+#undef E
+    for (GLuint i = 0; i < 8; ++i) { // per draw buffer
+        const std::string at = " " + std::to_string(i);
+        GLboolean mask[4];
+        glGetBooleani_v(GL_COLOR_WRITEMASK, i, mask);
+        state["color mask" + at].assign(mask, mask + 4);
+        state["blend" + at] = {double(glIsEnabledi(GL_BLEND, i))};
+        for (const GLenum what : {GL_BLEND_SRC_RGB, GL_BLEND_DST_RGB, GL_BLEND_SRC_ALPHA, GL_BLEND_DST_ALPHA, GL_BLEND_EQUATION_RGB,
+                                  GL_BLEND_EQUATION_ALPHA}) {
+            GLint v = 0;
+            glGetIntegeri_v(what, i, &v);
+            state["blend state" + at].push_back(v);
+        }
+        GLfloat box[4];
+        glGetFloati_v(GL_VIEWPORT, i, box);
+        state["viewport" + at].assign(box, box + 4);
+        state["scissor test" + at] = {double(glIsEnabledi(GL_SCISSOR_TEST, i))};
+    }
+    GLint active = 0;
+    glGetIntegerv(GL_ACTIVE_TEXTURE, &active);
+    for (GLuint unit = 0; unit < 16; ++unit) {
+        glActiveTexture(GL_TEXTURE0 + unit);
+        for (const GLenum what : {GL_TEXTURE_BINDING_2D, GL_TEXTURE_BINDING_2D_ARRAY, GL_TEXTURE_BINDING_3D, GL_TEXTURE_BINDING_CUBE_MAP,
+                                  GL_TEXTURE_BINDING_BUFFER, GL_SAMPLER_BINDING}) {
+            GLint v = 0;
+            glGetIntegerv(what, &v);
+            state["unit " + std::to_string(unit)].push_back(v);
+        }
+    }
+    glActiveTexture(GLenum(active));
+    for (GLuint i = 0; i < 4; ++i) {
+        GLint v = 0;
+        glGetIntegeri_v(GL_UNIFORM_BUFFER_BINDING, i, &v);
+        state["uniform buffer " + std::to_string(i)] = {double(v)};
+    }
+    return state;
+}
+
+/// Sets everything to a value that is neither the default nor what the runtime uses.
+static void scramble(GLuint framebuffer)
+{
+    static const char* vertex = "#version 330 core\nvoid main() { gl_Position = vec4(0); }";
+    static const char* fragment = "#version 330 core\nout vec4 c; void main() { c = vec4(1); }";
+    const GLuint program = glCreateProgram();
+    for (const auto& [type, text] : {std::pair{GL_VERTEX_SHADER, vertex}, std::pair{GL_FRAGMENT_SHADER, fragment}}) {
+        const GLuint shader = glCreateShader(GLenum(type));
+        glShaderSource(shader, 1, &text, nullptr);
+        glCompileShader(shader);
+        glAttachShader(program, shader);
+    }
+    glLinkProgram(program);
+    glUseProgram(program);
+
+    GLuint names[8];
+    glGenVertexArrays(1, names);
+    glBindVertexArray(names[0]);
+    glGenBuffers(5, names);
+    const GLenum targets[] = {GL_ARRAY_BUFFER, GL_ELEMENT_ARRAY_BUFFER, GL_UNIFORM_BUFFER, GL_PIXEL_UNPACK_BUFFER, GL_PIXEL_PACK_BUFFER};
+    for (int i = 0; i < 5; ++i) {
+        glBindBuffer(targets[i], names[i]);
+        glBufferData(targets[i], 1 << 16, nullptr, GL_STATIC_DRAW);
+    }
+    glBindBufferBase(GL_UNIFORM_BUFFER, 0, names[2]);
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, 0);
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+    for (GLuint unit = 0; unit < 8; ++unit) {
+        glActiveTexture(GL_TEXTURE0 + unit);
+        GLuint t[2], sampler;
+        glGenTextures(2, t);
+        glGenSamplers(1, &sampler);
+        glBindTexture(GL_TEXTURE_2D, t[0]);
+        glBindTexture(GL_TEXTURE_2D_ARRAY, t[1]);
+        glBindSampler(unit, sampler);
+        glSamplerParameteri(sampler, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR); // would make our textures incomplete
+    }
+    glActiveTexture(GL_TEXTURE6);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 8);
+    glPixelStorei(GL_UNPACK_ROW_LENGTH, 77);
+    glPixelStorei(GL_UNPACK_SKIP_ROWS, 3);
+    glPixelStorei(GL_UNPACK_SKIP_PIXELS, 5);
+    glPixelStorei(GL_UNPACK_SKIP_IMAGES, 2);
+    glPixelStorei(GL_UNPACK_IMAGE_HEIGHT, 99);
+    glPixelStorei(GL_UNPACK_SWAP_BYTES, 1);
+    for (GLuint i = 0; i < 8; ++i) {
+        (i % 2 ? glEnablei : glDisablei)(GL_BLEND, i);
+        glColorMaski(i, i % 2, i % 3 == 0, 1, i % 2 == 0);
+        glBlendFuncSeparatei(i, GL_DST_COLOR, GL_SRC_ALPHA, GLenum(i % 2 ? GL_ONE : GL_ZERO), GL_DST_ALPHA);
+        glBlendEquationSeparatei(i, GL_FUNC_SUBTRACT, GLenum(i % 2 ? GL_MAX : GL_MIN));
+        glViewportIndexedf(i, 0.25f * float(i), 1.5f, 33.0f - float(i), 30.0f);
+        if (i > 0) (i % 2 ? glEnablei : glDisablei)(GL_SCISSOR_TEST, i);
+    }
+    glViewportIndexedf(0, 0, 0, 33, 33);
+    glDepthFunc(GL_ALWAYS);
+    glDepthMask(GL_TRUE);
+    glEnable(GL_DEPTH_TEST);
+    glEnable(GL_CULL_FACE);
+    glCullFace(GL_FRONT_AND_BACK);
+    glFrontFace(GL_CW);
+    glPolygonMode(GL_FRONT_AND_BACK, GL_POINT);
+    glPolygonOffset(3, 4);
+    glPrimitiveRestartIndex(2);
+    glSampleCoverage(0.0f, GL_FALSE);
+    glSampleMaski(0, 0);
+    for (const GLenum what : {GL_COLOR_LOGIC_OP, GL_RASTERIZER_DISCARD, GL_POLYGON_OFFSET_FILL, GL_PRIMITIVE_RESTART,
+                              GL_SAMPLE_ALPHA_TO_COVERAGE, GL_SAMPLE_ALPHA_TO_ONE, GL_SAMPLE_COVERAGE, GL_SAMPLE_MASK, GL_POLYGON_SMOOTH,
+                              GL_FRAMEBUFFER_SRGB, GL_DEPTH_CLAMP})
+        glEnable(what);
+    for (GLuint i = 0; i < 8; ++i) glEnable(GL_CLIP_DISTANCE0 + i);
+    glLogicOp(GL_CLEAR);
+    glClearColor(0.1f, 0.2f, 0.3f, 0.4f);
+}
+
+TEST_CASE("GL state is the same before and after a draw, whatever it was, and the image does not depend on it")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = randomAsset(100, 9, 4);
+    Host host(asset);
+    GLint major = 0;
+    glGetIntegerv(GL_MAJOR_VERSION, &major);
+    if (major < 4) {
+        MESSAGE("SKIPPED: indexed state of the comparison needs GL 4.5");
+        return;
+    }
+    const Image expected = host.draw(front(), kLamp);
+    REQUIRE(host.gl->beginFrame(33, 33));
+    GLint framebuffer = 0;
+    glGetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer);
+    scramble(GLuint(framebuffer));
+    REQUIRE(glGetError() == GL_NO_ERROR);
+    const auto before = snapshot();
+    REQUIRE(glGetError() == GL_NO_ERROR);
+
+    // creating, relighting, sorting, drawing and failing all happen under the scrambled state
+    const NacreAsset second = host.create(asset);
+    const NacreLight lamp = toNacre(kLamp[0]);
+    REQUIRE(nacreAssetSetLights(second, &lamp, 1) == NACRE_OK);
+    const NacreDrawDesc desc = describe(front());
+    REQUIRE(nacreAssetDraw(second, &desc) == NACRE_OK);
+    NacreDrawDesc broken = desc;
+    broken.clipFromView[0] = NAN;
+    CHECK(nacreAssetDraw(second, &broken) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(glGetError() == GL_NO_ERROR);
+
+    const auto after = snapshot();
+    for (const auto& [name, value] : before) {
+        CAPTURE(name);
+        CHECK(after.at(name) == value);
+    }
+    glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
+    CHECK(largestDifference(host.gl->readFrame(), expected) == 0.0f);
+    nacreAssetDestroy(second);
+    CHECK(glGetError() == GL_NO_ERROR);
+}
+
+// ---- independence -------------------------------------------------------------------------------------------------------------
+
+TEST_CASE("two contexts and two assets do not influence each other")
+{
+    if (!haveGl()) return;
+    const SplatAsset a = randomAsset(60, 4, 1), b = randomAsset(90, 9, 2);
+    const std::vector<Light> other = {directionalLight({0, 1, 0}, {1, 0, 0})};
+    Host first(a), second(b);
+    NacreAsset firstB = first.create(b); // the same asset in both contexts, and two assets in one
+    const Image expectedA = first.draw(front(), kLamp), expectedB = second.draw(front(), other);
+    std::swap(first.asset, firstB);
+    CHECK(largestDifference(first.draw(front(), other), expectedB) == 0.0f);
+    std::swap(first.asset, firstB);
+    CHECK(largestDifference(first.draw(front()), expectedA) == 0.0f);
+    CHECK(largestDifference(second.draw(front()), expectedB) == 0.0f);
+    first.gl->makeCurrent();
+    nacreAssetDestroy(firstB);
+}
+
+// ---- bad input ----------------------------------------------------------------------------------------------------------------
+
+TEST_CASE("damaged bytes give BAD_ASSET, a message and no asset")
+{
+    if (!haveGl()) return;
+    Host host;
+    const auto bytes = encodeAsset(randomAsset(5, 4, 1));
+    REQUIRE(bytes);
+    NacreAsset asset = reinterpret_cast<NacreAsset>(&host);
+    for (const size_t cut : {size_t(0), size_t(3), size_t(12), bytes->size() / 2, bytes->size() - 1}) {
+        CAPTURE(cut);
+        host.messages.clear();
+        CHECK(nacreAssetCreate(host.context, bytes->data(), cut, &asset) == NACRE_ERROR_BAD_ASSET);
+        CHECK(asset == nullptr);
+        CHECK(host.messages.size() == 1);
+        CHECK(host.lastMessage().find('\n') == std::string::npos);
+    }
+    const std::vector<unsigned char> garbage(1000, 0xA5);
+    CHECK(nacreAssetCreate(host.context, garbage.data(), garbage.size(), &asset) == NACRE_ERROR_BAD_ASSET);
+    CHECK(nacreAssetCreate(host.context, nullptr, 10, &asset) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreAssetCreate(host.context, garbage.data(), garbage.size(), nullptr) == NACRE_ERROR_INVALID_ARGUMENT);
+}
+
+TEST_CASE("a coefficient beyond half-float range is rejected by name")
+{
+    if (!haveGl()) return;
+    Host host;
+    SplatAsset source = randomAsset(5, 4, 1);
+    source.channels[1].values[75 * 3 + 2] = 1e5f;
+    const auto bytes = encodeAsset(source);
+    REQUIRE(bytes);
+    NacreAsset asset = nullptr;
+    CHECK(nacreAssetCreate(host.context, bytes->data(), bytes->size(), &asset) == NACRE_ERROR_BAD_ASSET);
+    CHECK(asset == nullptr);
+    CHECK(host.lastMessage().find("'tInd'") != std::string::npos);
+    CHECK(host.lastMessage().find("splat 3") != std::string::npos);
+}
+
+TEST_CASE("null handles and null pointers are safe")
+{
+    NacreContext context = nullptr;
+    CHECK(nacreContextCreate(nullptr, &context) == NACRE_ERROR_INVALID_ARGUMENT);
+    NacreContextDesc desc{};
+    CHECK(nacreContextCreate(&desc, &context) == NACRE_ERROR_INVALID_ARGUMENT); // structSize 0
+    desc.structSize = sizeof desc;
+    CHECK(nacreContextCreate(&desc, &context) == NACRE_ERROR_INVALID_ARGUMENT); // no getProcAddress
+    CHECK(nacreContextCreate(&desc, nullptr) == NACRE_ERROR_INVALID_ARGUMENT);
+    desc.getProcAddress = [](const char*, void*) -> void* { return nullptr; };
+    std::string message;
+    desc.message = [](NacreSeverity, const char* text, void* user) { *static_cast<std::string*>(user) = text; };
+    desc.messageUser = &message;
+    CHECK(nacreContextCreate(&desc, &context) == NACRE_ERROR_UNSUPPORTED);
+    CHECK(message.find("getProcAddress found no gl") != std::string::npos);
+    CHECK(context == nullptr);
+    nacreContextDestroy(nullptr);
+    nacreContextSetProfiling(nullptr, 1);
+    nacreAssetDestroy(nullptr);
+    NacreAsset asset = nullptr;
+    CHECK(nacreAssetCreate(nullptr, "x", 1, &asset) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreAssetSetLights(nullptr, nullptr, 0) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreAssetDraw(nullptr, nullptr) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreAssetGetInfo(nullptr, nullptr) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreAssetGetDrawStats(nullptr, nullptr) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreVersion() == NACRE_VERSION_MAJOR * 10000 + NACRE_VERSION_MINOR * 100 + NACRE_VERSION_PATCH);
+}
+
+TEST_CASE("numbers that are not finite and matrices that are not what they should be are refused with a message")
+{
+    if (!haveGl()) return;
+    Host host(oneSplat(0));
+    const auto refused = [&](auto change, const char* word) {
+        NacreDrawDesc desc = describe(front());
+        change(desc);
+        host.messages.clear();
+        REQUIRE(host.gl->beginFrame(33, 33));
+        CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_INVALID_ARGUMENT);
+        CHECK_MESSAGE(host.lastMessage().find(word) != std::string::npos, host.lastMessage());
+    };
+    refused([](NacreDrawDesc& d) { d.structSize = 4; }, "structSize");
+    refused([](NacreDrawDesc& d) { d.worldFromAsset[3] = NAN; }, "worldFromAsset");
+    refused([](NacreDrawDesc& d) { d.viewFromWorld[12] = INFINITY; }, "viewFromWorld");
+    refused([](NacreDrawDesc& d) { d.clipFromView[0] = NAN; }, "clipFromView");
+    refused([](NacreDrawDesc& d) { d.worldFromAsset[0] = 2; }, "uniform scale");
+    refused([](NacreDrawDesc& d) { d.worldFromAsset[0] = -1; }, "uniform scale");
+    refused([](NacreDrawDesc& d) { std::fill(d.viewFromWorld, d.viewFromWorld + 12, 0.0f); }, "rigid");
+    refused([](NacreDrawDesc& d) { d.clipFromView[11] = 0, d.clipFromView[15] = 1; }, "perspective");
+    refused([](NacreDrawDesc& d) { d.viewportWidth = 0; }, "viewport");
+
+    const auto badLight = [&](auto change, const char* word) {
+        NacreLight lights[2] = {toNacre(kLamp[0]), toNacre(kLamp[0])};
+        change(lights[1]);
+        host.messages.clear();
+        CHECK(nacreAssetSetLights(host.asset, lights, 2) == NACRE_ERROR_INVALID_ARGUMENT);
+        CHECK_MESSAGE(host.lastMessage().find(word) != std::string::npos, host.lastMessage());
+        CHECK(host.lastMessage().find("light 1") != std::string::npos);
+    };
+    badLight([](NacreLight& l) { l.type = NacreLightType(7); }, "type");
+    badLight([](NacreLight& l) { l.vector[1] = NAN; }, "vector");
+    badLight([](NacreLight& l) { l.intensity[2] = -1; }, "intensity");
+    badLight([](NacreLight& l) { l.intensity[2] = INFINITY; }, "intensity");
+    badLight([](NacreLight& l) { l.radius = NAN; }, "radius");
+    badLight([](NacreLight& l) { l.type = NACRE_LIGHT_DIRECTIONAL; }, "length 1");
+    const std::vector<NacreLight> many(NACRE_MAX_LIGHTS + 1, toNacre(kLamp[0]));
+    CHECK(nacreAssetSetLights(host.asset, many.data(), many.size()) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreAssetSetLights(host.asset, nullptr, 1) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreAssetSetLights(host.asset, nullptr, 0) == NACRE_OK);
+}
+
+TEST_CASE("asset info reports count, bounds, orientation and GPU bytes")
+{
+    if (!haveGl()) return;
+    SplatAsset source = randomAsset(70, 4, 1);
+    source.yUpFromAsset = glm::normalize(glm::quat(0.5f, 0.5f, -0.5f, 0.5f));
+    Host host(source);
+    NacreAssetInfo info{};
+    info.structSize = sizeof info;
+    REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
+    CHECK(info.splatCount == 70);
+    CHECK(info.gpuBytes >= 70 * (4 * 16 + 25 * 8 + 10 * 8));
+    CHECK(info.yUpFromAsset[3] == doctest::Approx(source.yUpFromAsset.w));
+    CHECK(info.yUpFromAsset[1] == doctest::Approx(source.yUpFromAsset.y));
+    for (int c = 0; c < 3; ++c) {
+        float low = 1, high = -1;
+        for (const glm::vec3& p : source.cloud.positions) low = std::min(low, p[c]), high = std::max(high, p[c]);
+        CHECK(info.boundsMin[c] == low);
+        CHECK(info.boundsMax[c] == high);
+    }
+    info.structSize = 1;
+    CHECK(nacreAssetGetInfo(host.asset, &info) == NACRE_ERROR_INVALID_ARGUMENT);
+}
