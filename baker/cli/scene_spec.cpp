@@ -1,11 +1,11 @@
 #include "scene_spec.h"
 
-#include "cli.h"
-
 #include <glm/gtc/matrix_transform.hpp>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <vector>
 
 namespace nacre::cli {
 

@@ -2,6 +2,7 @@
 #include "eval/evaluate.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace nacre {
@@ -35,6 +36,8 @@ Result<EvalResult> evaluate(const OlatSplit& split, ImageCache& references, Spla
         if (!render) return render.error();
 
         const ImageMetrics metrics = compareImages(*render, **reference);
+        if (!std::isfinite(metrics.psnr) || !std::isfinite(metrics.relMseLinear)) // a loaded reference is finite
+            return Error{ErrorCode::kGpu, "the renderer (" + renderer.description() + ") gave NaN or infinite pixels for '" + source.path + "'"};
         result.images.push_back(metrics);
         result.psnrMin = std::min(result.psnrMin, metrics.psnr);
         for (auto figure : kFigures) result.mean.*figure += metrics.*figure / double(count);
