@@ -114,7 +114,11 @@ cp -r "$sample" empty && sed -i '/"frames"/,$d' empty/transforms_train.json && e
 expect 2 "train" "$nacre" bake empty -o a.glb --iterations 2
 cp -r "$sample" broken && truncate -s 100 broken/transforms_train.json
 expect 2 "transforms_train.json" "$nacre" bake broken -o a.glb --iterations 2
-rm -rf truncated missing empty broken
+cp -r "$sample" inside && sed -i -E '/"position": \[/,/\]/ s/-?[0-9]+\.[0-9]+/0.0/' inside/transforms_train.json
+expect 2 "light" "$nacre" bake inside -o a.glb --iterations 2
+cp -r "$sample" sizes && sed -i 's/"width": 128/"width": 100/' sizes/transforms_train.json
+expect 2 "128" "$nacre" bake sizes -o a.glb --iterations 2
+rm -rf truncated missing empty broken inside sizes
 [ ! -e a.glb ] || fail "a refused dataset left a.glb"
 
 echo "-- bake"

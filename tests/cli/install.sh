@@ -24,7 +24,7 @@ find_package(nacre 0.1 CONFIG REQUIRED)
 add_executable(host host.c)
 target_link_libraries(host PRIVATE nacre::runtime)
 END
-cmake -S . -B build -DCMAKE_PREFIX_PATH="$work/prefix" >configure.txt 2>&1 || { cat configure.txt; exit 1; }
+cmake -G Ninja -S . -B build -DCMAKE_PREFIX_PATH="$work/prefix" >configure.txt 2>&1 || { cat configure.txt; exit 1; }
 cmake --build build >build.txt 2>&1 || { cat build.txt; exit 1; }
 build/host
 
