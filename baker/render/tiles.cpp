@@ -99,8 +99,8 @@ void TileBuilder::bin()
             const ProjectedGaussian<float>& s = visible.projected[v];
             const float slack = 0.01f; // pixels: rounding in the span must not lose a pixel on the rim
             const float qMax = 2.0f * std::log(s.opacity / kMinAlpha);
-            const int tileY0 = std::max(0, int(std::floor((s.mean[1] - s.extent[1]) / kTileSize)));
-            const int tileY1 = std::min(tiles.tilesY - 1, int(std::floor((s.mean[1] + s.extent[1]) / kTileSize)));
+            const int tileY0 = int(std::max(0.0f, s.mean[1] - s.extent[1])) / kTileSize;
+            const int tileY1 = int(std::min(float(tiles.height - 1), s.mean[1] + s.extent[1])) / kTileSize;
             const size_t before = chunk.pairTile.size();
             for (int ty = tileY0; ty <= tileY1; ++ty) {
                 int first[4], last[4], tileX0 = tiles.tilesX, tileX1 = -1;
@@ -108,10 +108,11 @@ void TileBuilder::bin()
                     const float y0 = float(ty * kTileSize + r * kBlockSize) + 0.5f - s.mean[1];
                     const Span span = ellipseSpan(s, qMax, y0 - slack, y0 + float(kBlockSize - 1) + slack);
                     // pixel centres x + 0.5 inside [lo, hi]
-                    const float lo = s.mean[0] + span.lo - 0.5f - slack, hi = s.mean[0] + span.hi - 0.5f + slack;
+                    const float lo = std::max(0.0f, s.mean[0] + span.lo - 0.5f - slack);
+                    const float hi = std::min(float(tiles.width - 1), s.mean[0] + span.hi - 0.5f + slack);
                     first[r] = 1, last[r] = 0;
-                    if (!(lo <= hi) || hi < 0.0f || lo > float(tiles.width - 1)) continue;
-                    const int x0 = std::max(0, int(std::ceil(lo))), x1 = std::min(tiles.width - 1, int(std::floor(hi)));
+                    if (!(lo <= hi)) continue;
+                    const int x0 = int(std::ceil(lo)), x1 = int(std::floor(hi));
                     if (x0 > x1) continue;
                     first[r] = x0 / kBlockSize, last[r] = std::min(blocksX - 1, x1 / kBlockSize);
                     tileX0 = std::min(tileX0, first[r] / 4), tileX1 = std::max(tileX1, last[r] / 4);

@@ -29,16 +29,16 @@ struct BlockInput {
     bool any;       // at least one is visible
 };
 
-inline BlockInput gatherBlock(size_t block, std::span<const GaussianGeometry<float>> geometry, std::span<const uint32_t> visibleFromSplat)
+inline BlockInput gatherBlock(size_t block, const VisibleView& view)
 {
     BlockInput in;
-    in.lanes = int(std::min<size_t>(kLanes16, geometry.size() - block * kLanes16));
+    in.lanes = int(std::min<size_t>(kLanes16, view.geometry.size() - block * kLanes16));
     in.any = false;
     for (int l = 0; l < kLanes16; ++l) {
         const size_t splat = block * kLanes16 + std::min(l, in.lanes - 1);
-        in.visible[l] = l < in.lanes ? visibleFromSplat[splat] : ~0u;
+        in.visible[l] = l < in.lanes ? view.visibleFromSplat[splat] : ~0u;
         in.any = in.any || in.visible[l] != ~0u;
-        for (int k = 0; k < 3; ++k) in.position[k][l] = geometry[splat].position[k];
+        for (int k = 0; k < 3; ++k) in.position[k][l] = view.geometry[splat].position[k];
     }
     return in;
 }
@@ -109,7 +109,7 @@ HWY_INLINE void unitSh(V dx, V dy, V dz, V length2, V* out)
               hn::IfThenElse(usable, hn::Mul(dz, inv), set(1)), out);
 }
 
-void evaluateDirections(const BlockInput& in, int lane, const BigsView& view, const float* randomLight, Directions& d)
+void evaluateDirections(const BlockInput& in, int lane, const LitView& view, const float* randomLight, Directions& d)
 {
     const V px = hn::Load(D(), in.position[0] + lane), py = hn::Load(D(), in.position[1] + lane), pz = hn::Load(D(), in.position[2] + lane);
     const auto towards = [&](float x, float y, float z, V* out) {
@@ -159,30 +159,31 @@ struct Terms {
 };
 
 // Twin of bigsTerms for `lights` lights at once, so that every coefficient is loaded once.
-void evaluateTerms(const float* value, const BigsView& view, const Directions& dir, int lights, Terms* t)
+void evaluateTerms(const float* value, const BigsBands& bands, const Directions& dir, int lights, Terms* t)
 {
     const D d;
     V a[3 * kMaxShFunctions];
-    contractView(value + kScatter * kLanes16, view.scatterFunctions, dir.yView, a);
+    contractView(value + kScatter * kLanes16, bands.scatter, dir.yView, a);
     for (int l = 0; l < lights; ++l) {
         t[l].direct = zero();
         for (int c = 0; c < 3; ++c) t[l].indirect[c] = zero(), t[l].scatter[c] = hn::Load(d, value + (kRho + c) * kLanes16);
     }
-    for (int k = 0; k < view.directFunctions; ++k) {
+    for (int k = 0; k < bands.direct; ++k) {
         const V x = hn::Load(d, value + (kTDir + k) * kLanes16);
         for (int l = 0; l < lights; ++l) t[l].direct = hn::MulAdd(x, dir.yLight[l][k], t[l].direct);
     }
-    for (int k = 0; k < view.indirectFunctions; ++k)
+    for (int k = 0; k < bands.indirect; ++k)
         for (int c = 0; c < 3; ++c) {
             const V x = hn::Load(d, value + (kTInd + 3 * k + c) * kLanes16);
             for (int l = 0; l < lights; ++l) t[l].indirect[c] = hn::MulAdd(x, dir.yLight[l][k], t[l].indirect[c]);
         }
-    for (int k = 0; k < view.scatterFunctions; ++k)
+    for (int k = 0; k < bands.scatter; ++k)
         for (int c = 0; c < 3; ++c)
             for (int l = 0; l < lights; ++l) t[l].scatter[c] = hn::MulAdd(a[3 * k + c], dir.yLight[l][k], t[l].scatter[c]);
 }
 
-void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInput& in, const BigsView& view, float* colors, float* terms)
+void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInput& in, const LitView& view, const BigsBands& bands,
+                  float* colors, float* terms)
 {
     const D d;
     alignas(64) float lanes[3 + kTermsPerLight][kN];
@@ -190,7 +191,7 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
         Directions dir;
         evaluateDirections(in, lane, view, nullptr, dir);
         Terms t[kMaxLightsPerStep];
-        evaluateTerms(parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane, view, dir, view.lightCount, t);
+        evaluateTerms(parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane, bands, dir, view.lightCount, t);
         for (int l = 0; l < view.lightCount; ++l) {
             for (int c = 0; c < 3; ++c) {
                 const V transport = hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), hn::Max(t[l].indirect[c], zero()));
@@ -240,8 +241,8 @@ HWY_INLINE V gate(V value, V gradient)
     return hn::IfThenElseZero(hn::Or(hn::Gt(value, zero()), hn::Lt(gradient, zero())), gradient);
 }
 
-void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& in, const uint8_t* active, const BigsView& view,
-                   const float* dColors, const float* terms, const BigsUpdate& update)
+void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& in, const uint8_t* active, const LitView& view,
+                   const BigsBands& bands, const float* dColors, const float* terms, const BigsUpdate& update)
 {
     const D d;
     const bool regularized = update.positiveWeight > 0 || update.energyWeight > 0;
@@ -272,7 +273,7 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         evaluateDirections(in, lane, view, regularized ? update.randomLight : nullptr, dir);
         Terms t[kMaxLightsPerStep + 1], g[kMaxLightsPerStep + 1];
         if (regularized) {
-            evaluateTerms(value, view, dir, lights, t);
+            evaluateTerms(value, bands, dir, lights, t);
         } else {
             for (int l = 0; l < lights; ++l) {
                 t[l].direct = gather(terms, kBigsTermStride, kTermsPerLight * l);
@@ -314,7 +315,7 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         };
 
         // h[i][c] = sum_t d(rho+s)_t,c y_i(w_t): the whole gradient of s is h y^T + y h^T
-        const int functions = view.scatterFunctions;
+        const int functions = bands.scatter;
         V h[3 * kMaxShFunctions];
         for (int i = 0; i < functions; ++i)
             for (int c = 0; c < 3; ++c) {
@@ -338,20 +339,20 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         }
 
         if (update.rate[kGroupDirect] > 0) {
-            for (int k = 0; k < view.directFunctions; ++k) {
+            for (int k = 0; k < bands.direct; ++k) {
                 gradient[k] = zero();
                 for (int l = 0; l < lights; ++l) gradient[k] = hn::MulAdd(g[l].direct, dir.yLight[l][k], gradient[k]);
             }
-            stepGroup(kGroupDirect, kTDir, view.directFunctions);
+            stepGroup(kGroupDirect, kTDir, bands.direct);
         }
-        if (update.rate[kGroupIndirect] > 0 && view.indirectFunctions > 0) {
-            for (int k = 0; k < view.indirectFunctions; ++k)
+        if (update.rate[kGroupIndirect] > 0 && bands.indirect > 0) {
+            for (int k = 0; k < bands.indirect; ++k)
                 for (int c = 0; c < 3; ++c) {
                     V sum = zero();
                     for (int l = 0; l < lights; ++l) sum = hn::MulAdd(g[l].indirect[c], dir.yLight[l][k], sum);
                     gradient[3 * k + c] = sum;
                 }
-            stepGroup(kGroupIndirect, kTInd, 3 * view.indirectFunctions);
+            stepGroup(kGroupIndirect, kTInd, 3 * bands.indirect);
         }
         if (update.rate[kGroupRho] > 0) {
             for (int c = 0; c < 3; ++c) {
@@ -418,10 +419,15 @@ HWY_EXPORT(backwardBlock);
 
 void BigsParameters::resize(size_t newCount)
 {
+    const size_t old = count;
     count = newCount;
     value.resize(blocks() * coefficients() * kLanes16);
     momentum.resize(value.size());
     secondMoment.resize(blocks() * kBigsGroups * kLanes16);
+    for (size_t i = old; i < count; ++i) { // the last block may hold what was there before an earlier shrink
+        for (int k = 0; k < coefficients(); ++k) value[index(i, k)] = momentum[index(i, k)] = 0.0f;
+        for (int k = 0; k < kBigsGroups; ++k) secondMoment[(i / kLanes16 * kBigsGroups + k) * kLanes16 + i % kLanes16] = 0.0f;
+    }
 }
 
 void BigsParameters::copySplat(size_t from, size_t to)
@@ -444,24 +450,23 @@ void BigsParameters::permute(std::span<const uint32_t> order)
     apply(secondMoment, kBigsGroups);
 }
 
-void bigsForward(const BigsParameters& parameters, std::span<const GaussianGeometry<float>> geometry,
-                 std::span<const uint32_t> visibleFromSplat, const BigsView& view, float* colors, float* terms)
+void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands, float* colors,
+                 float* terms)
 {
     const auto run = HWY_DYNAMIC_DISPATCH(forwardBlock);
     tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
-        const BlockInput in = gatherBlock(block, geometry, visibleFromSplat);
-        if (in.any) run(parameters, block, in, view, colors, terms);
+        const BlockInput in = gatherBlock(block, view);
+        if (in.any) run(parameters, block, in, lit, bands, colors, terms);
     });
 }
 
-void bigsBackwardAndStep(BigsParameters& parameters, std::span<const GaussianGeometry<float>> geometry,
-                         std::span<const uint32_t> visibleFromSplat, const uint8_t* active, const BigsView& view, const float* dColors,
-                         const float* terms, const BigsUpdate& update)
+void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
+                         const uint8_t* active, const float* dColors, const float* terms, const BigsUpdate& update)
 {
     const auto run = HWY_DYNAMIC_DISPATCH(backwardBlock);
     tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
-        const BlockInput in = gatherBlock(block, geometry, visibleFromSplat);
-        if (in.any) run(parameters, block, in, active, view, dColors, terms, update);
+        const BlockInput in = gatherBlock(block, view);
+        if (in.any) run(parameters, block, in, active, lit, bands, dColors, terms, update);
     });
 }
 

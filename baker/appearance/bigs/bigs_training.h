@@ -6,9 +6,8 @@
 // bound by memory, and noise averaged over the group.
 #pragma once
 
-#include "base/light.h"
+#include "appearance/trainable.h"
 #include "render/aligned_vector.h"
-#include "render/projection.h"
 
 #include <cstdint>
 #include <span>
@@ -17,7 +16,6 @@
 namespace nacre {
 
 constexpr int kLanes16 = 16;
-constexpr int kMaxLightsPerStep = 4;
 
 enum BigsGroup { kGroupDirect, kGroupIndirect, kGroupRho, kGroupScatter0, kBigsGroups = kGroupScatter0 + 5 };
 
@@ -37,12 +35,9 @@ struct BigsParameters {
     void permute(std::span<const uint32_t> order);
 };
 
-/// One view under up to four lights, and how far the bands are switched on.
-struct BigsView {
-    float eye[3];
-    int lightCount = 0;
-    Light lights[kMaxLightsPerStep];  // point or directional
-    int directFunctions = 25, indirectFunctions = 25, scatterFunctions = 25; // SH functions in use now
+/// How many SH functions of each channel are in use: bands are switched on one after the other.
+struct BigsBands {
+    int direct = 25, indirect = 25, scatter = 0;
 };
 
 struct BigsUpdate {
@@ -56,13 +51,11 @@ struct BigsUpdate {
 constexpr int kBigsTermStride = 32;   // floats per visible splat: 7 per light
 
 /// Colours (radiance) of the visible splats: colors[visible][16], three per light. Keeps the unclamped terms for the backward pass.
-/// visibleFromSplat is ~0u for splats that are not visible.
-void bigsForward(const BigsParameters& parameters, std::span<const GaussianGeometry<float>> geometry,
-                 std::span<const uint32_t> visibleFromSplat, const BigsView& view, float* colors, float* terms);
+void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands, float* colors,
+                 float* terms);
 
 /// One Adam step of every visible splat with active[visible] != 0 from dColors[visible][16].
-void bigsBackwardAndStep(BigsParameters& parameters, std::span<const GaussianGeometry<float>> geometry,
-                         std::span<const uint32_t> visibleFromSplat, const uint8_t* active, const BigsView& view, const float* dColors,
-                         const float* terms, const BigsUpdate& update);
+void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
+                         const uint8_t* active, const float* dColors, const float* terms, const BigsUpdate& update);
 
 } // namespace nacre

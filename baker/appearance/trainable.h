@@ -1,0 +1,59 @@
+// The training side of an appearance model, as the trainer sees it. One implementation per model, found through the table below.
+#pragma once
+
+#include "base/byte_stream.h"
+#include "base/light.h"
+#include "render/projection.h"
+#include "splats/splat_asset.h"
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+
+namespace nacre {
+
+constexpr int kMaxLightsPerStep = 4;
+
+/// One camera and the lights (point or directional) under which it is rendered in one pass.
+struct LitView {
+    float eye[3] = {0, 0, 0};
+    int lightCount = 0;
+    Light lights[kMaxLightsPerStep];
+};
+
+/// The visible splats of a view. All per-visible arrays are in the rasteriser's front-to-back order.
+struct VisibleView {
+    std::span<const GaussianGeometry<float>> geometry; // all splats
+    std::span<const uint32_t> visibleFromSplat;        // all splats; ~0u = not visible
+    size_t visibleCount = 0;
+};
+
+class TrainableAppearance {
+public:
+    virtual ~TrainableAppearance() = default;
+
+    virtual void resize(size_t count) = 0;                       // new splats get neutral coefficients
+    virtual void copySplat(size_t from, size_t to) = 0;          // clears the optimiser state of `to`
+    virtual void permute(std::span<const uint32_t> order) = 0;
+
+    /// `progress` in [0, 1] sets learning rates and which bands are in use; `step` counts from 1; `random` are three numbers in [0, 1).
+    virtual void beginStep(double progress, int step, const float random[3]) = 0;
+    /// colors[visible][kColorStride], three per light.
+    virtual void forward(const VisibleView& view, const LitView& lit, float* colors) = 0;
+    /// Steps every visible splat with active[visible] != 0. Call after forward of the same view.
+    virtual void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dColors) = 0;
+
+    virtual std::vector<Channel> exportChannels() const = 0;
+    virtual void save(ByteWriter& out) const = 0;
+    virtual bool load(ByteReader& in) = 0;                       // false if the bytes do not fit this model
+};
+
+struct AppearanceOptions {
+    int scatterFunctions = 9; // bigs: SH functions of s
+};
+
+/// nullptr if there is no such model.
+std::unique_ptr<TrainableAppearance> makeTrainableAppearance(const std::string& model, const AppearanceOptions& options);
+
+} // namespace nacre

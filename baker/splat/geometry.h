@@ -1,0 +1,44 @@
+// The trainable geometry of all splats: raw parameters with Adam state, and the activated values that projection reads.
+#pragma once
+
+#include "render/projection.h"
+#include "render/reference_raster.h"
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace nacre {
+
+// position 3, log scale 3, quaternion (w, x, y, z) 4, opacity logit 1
+constexpr int kGeometryParameters = 11;
+using GeometryRow = std::array<float, kGeometryParameters>;
+
+struct GeometryRates {
+    float position = 0, scale = 0, rotation = 0, opacity = 0;
+};
+
+struct SplatGeometry {
+    std::vector<GeometryRow> raw, momentum, second;
+    std::vector<GaussianGeometry<float>> activated;
+
+    size_t count() const { return raw.size(); }
+    void resize(size_t count);
+    /// Recomputes activated[i] from raw[i] and keeps raw inside its bounds.
+    void activate(size_t i);
+    void clearMoments(size_t i);
+    void permute(std::span<const uint32_t> order);
+};
+
+constexpr float kMaxOpacityLogit = 8.0f;
+constexpr float kMinLogScale = -12.0f, kMaxLogScale = 3.0f;
+
+float logit(float opacity);
+
+/// One Adam step of the visible splats with active[visible] != 0, from their screen-space gradients.
+/// `opacityPull` is added to the gradient of every active opacity (a small positive value fades splats nobody needs).
+void stepGeometry(SplatGeometry& geometry, const View<float>& view, std::span<const uint32_t> splatFromVisible,
+                  const ScreenGradient<float>* dSplats, const uint8_t* active, const GeometryRates& rates, int step, float opacityPull);
+
+} // namespace nacre

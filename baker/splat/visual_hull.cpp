@@ -1,0 +1,122 @@
+#include "splat/visual_hull.h"
+
+#include "render/projection.h"
+#include "splat/morton.h"
+#include "splat/random.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace nacre {
+
+void frameCube(std::span<const Camera> cameras, float center[3], float* halfSize)
+{
+    // Least squares: sum over axes of (I - d d^T) (x - o) = 0.
+    glm::dmat3 a(0.0);
+    glm::dvec3 b(0.0);
+    for (const Camera& c : cameras) {
+        const glm::dvec3 d = -glm::normalize(glm::dvec3(c.worldFromCamera[2]));
+        const glm::dmat3 m = glm::dmat3(1.0) - glm::outerProduct(d, d);
+        a += m, b += m * c.position();
+    }
+    glm::dvec3 x(0.0);
+    const double n = double(cameras.size());
+    if (glm::determinant(a / n) > 1e-6) {
+        x = glm::inverse(a) * b;
+    } else { // one camera, or parallel axes: a unit in front of them
+        for (const Camera& c : cameras) x += (c.position() - glm::normalize(glm::dvec3(c.worldFromCamera[2]))) / n;
+    }
+    double half = 0;
+    for (const Camera& c : cameras)
+        half = std::max(half, glm::length(c.position() - x) * 0.5 * std::max(c.width / c.fx, c.height / c.fy));
+    for (int k = 0; k < 3; ++k) center[k] = float(x[k]);
+    *halfSize = float(half);
+}
+
+VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<float>> alphas, int resolution)
+{
+    VisualHull hull;
+    frameCube(cameras, hull.center, &hull.halfSize);
+    hull.resolution = resolution;
+    const size_t n = size_t(resolution);
+    hull.inside.assign(n * n * n, 0);
+    const float voxel = 2.0f * hull.halfSize / float(resolution);
+    std::vector<View<float>> views;
+    for (const Camera& c : cameras) views.push_back(makeView<float>(c, 0.0));
+    const auto voxelCenter = [&](size_t x, size_t y, size_t z, float p[3]) {
+        const size_t i[3] = {x, y, z};
+        for (int k = 0; k < 3; ++k) p[k] = hull.center[k] - hull.halfSize + (float(i[k]) + 0.5f) * voxel;
+    };
+
+    tbb::parallel_for(size_t(0), n, [&](size_t z) {
+        for (size_t y = 0; y < n; ++y)
+            for (size_t x = 0; x < n; ++x) {
+                float p[3];
+                voxelCenter(x, y, z, p);
+                bool inside = true, seen = false;
+                for (size_t c = 0; c < views.size() && inside; ++c) {
+                    const View<float>& v = views[c];
+                    float t[3];
+                    for (int k = 0; k < 3; ++k) t[k] = detail::dot3(&v.r[3 * k], p) + v.t[k];
+                    if (!(t[2] > kNearPlane)) continue;
+                    const float px = v.fx * t[0] / t[2] + v.cx, py = v.fy * t[1] / t[2] + v.cy;
+                    if (px < 0 || py < 0 || px >= v.width || py >= v.height) continue; // not framed: this camera cannot tell
+                    seen = true;
+                    inside = alphas[c][size_t(py) * size_t(v.width) + size_t(px)] >= 0.5f;
+                }
+                hull.inside[(z * n + y) * n + x] = inside && seen;
+            }
+    });
+
+    const auto at = [&](int64_t x, int64_t y, int64_t z) {
+        return x >= 0 && y >= 0 && z >= 0 && x < int64_t(n) && y < int64_t(n) && z < int64_t(n) && hull.inside[(size_t(z) * n + size_t(y)) * n + size_t(x)];
+    };
+    std::vector<std::vector<SurfacePoint>> slices(n);
+    tbb::parallel_for(size_t(0), n, [&](size_t z) {
+        for (size_t y = 0; y < n; ++y)
+            for (size_t x = 0; x < n; ++x) {
+                const int64_t i = int64_t(x), j = int64_t(y), k = int64_t(z);
+                if (!at(i, j, k)) continue;
+                if (at(i - 1, j, k) && at(i + 1, j, k) && at(i, j - 1, k) && at(i, j + 1, k) && at(i, j, k - 1) && at(i, j, k + 1)) continue;
+                SurfacePoint s;
+                voxelCenter(x, y, z, s.position);
+                float g[3] = {0, 0, 0}; // occupancy gradient over a 5^3 neighbourhood points inwards
+                for (int dz = -2; dz <= 2; ++dz)
+                    for (int dy = -2; dy <= 2; ++dy)
+                        for (int dx = -2; dx <= 2; ++dx)
+                            if (at(i + dx, j + dy, k + dz)) g[0] -= float(dx), g[1] -= float(dy), g[2] -= float(dz);
+                const float length = std::sqrt(detail::dot3(g, g));
+                for (int c = 0; c < 3; ++c) s.normal[c] = length > 0 ? g[c] / length : (c == 2 ? 1.0f : 0.0f);
+                slices[z].push_back(s);
+            }
+    });
+    for (const auto& slice : slices) hull.surface.insert(hull.surface.end(), slice.begin(), slice.end());
+    hull.surfaceArea = double(hull.surface.size()) * voxel * voxel;
+    return hull;
+}
+
+std::vector<SurfacePoint> sampleHull(const VisualHull& hull, size_t count, uint64_t seed)
+{
+    Random random(seed, 0x4011);
+    std::vector<SurfacePoint> points(count);
+    const float voxel = hull.resolution > 0 ? 2.0f * hull.halfSize / float(hull.resolution) : 0.0f;
+    for (size_t i = 0; i < count; ++i) {
+        SurfacePoint& p = points[i];
+        if (hull.surface.empty()) {
+            for (int k = 0; k < 3; ++k) p.position[k] = hull.center[k] + hull.halfSize * (2.0f * random.uniform() - 1.0f), p.normal[k] = k == 2;
+            continue;
+        }
+        // Stratified along the scan order of the boundary voxels, which is spread over the whole surface.
+        const double at = (double(i) + random.uniform()) * double(hull.surface.size()) / double(count);
+        p = hull.surface[std::min(hull.surface.size() - 1, size_t(at))];
+        for (float& x : p.position) x += voxel * (random.uniform() - 0.5f);
+    }
+    const std::vector<uint32_t> order = mortonOrder(count, [&](size_t i) { return points[i].position; });
+    std::vector<SurfacePoint> sorted(count);
+    for (size_t i = 0; i < count; ++i) sorted[i] = points[order[i]];
+    return sorted;
+}
+
+} // namespace nacre

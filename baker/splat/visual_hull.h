@@ -1,0 +1,37 @@
+// Initial splats from silhouettes: carve a voxel grid with the alphas of all training cameras and sample the surface that is left.
+#pragma once
+
+#include "base/camera.h"
+#include "base/result.h"
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace nacre {
+
+struct SurfacePoint {
+    float position[3];
+    float normal[3]; // unit, outwards
+};
+
+struct VisualHull {
+    float center[3] = {0, 0, 0};
+    float halfSize = 0;               // of the carved cube
+    int resolution = 0;               // voxels per side
+    std::vector<uint8_t> inside;      // [z][y][x]
+    double surfaceArea = 0;           // estimate
+    std::vector<SurfacePoint> surface; // one per boundary voxel
+};
+
+/// The cube that every camera frames: centre nearest to all optical axes, half-size what the widest camera sees there.
+void frameCube(std::span<const Camera> cameras, float center[3], float* halfSize);
+
+/// alphas[i]: width*height coverage of cameras[i]. A voxel survives if no camera that frames it sees alpha below 0.5 there.
+VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<float>> alphas, int resolution);
+
+/// `count` points, evenly and with jitter over the surface; random in the cube if the hull is empty. In Morton order.
+std::vector<SurfacePoint> sampleHull(const VisualHull& hull, size_t count, uint64_t seed);
+
+} // namespace nacre

@@ -1,0 +1,380 @@
+// The bake: silhouettes -> initial splats -> steps with density control -> pruning -> asset.
+#include "train/bake.h"
+
+#include "base/hash.h"
+#include "pack/neutral_look.h"
+#include "splat/random.h"
+#include "train/checkpoint.h"
+#include "train/trainer.h"
+#include "train/training_images.h"
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <numeric>
+
+namespace nacre {
+
+namespace {
+
+struct Quality {
+    const char* name;
+    int iterations, maxSplats, sFunctions;
+};
+constexpr Quality kQualities[] = {{"draft", 2000, 6000, 9}, {"standard", 15000, 12000, 9}, {"high", 40000, 24000, 25}};
+
+constexpr int kHullResolution = 128;
+constexpr size_t kHullCameras = 200;        // more silhouettes hardly change the hull
+constexpr double kInitialShare = 0.5;       // of the cap
+constexpr int kDensifyEvery = 100;          // steps
+constexpr double kDensifyUntil = 0.5;       // of the bake
+constexpr double kGrowth = 1.06;            // per densification
+constexpr double kPruneWatch = 0.9;         // from here on, splats that are never seen are dropped at the end
+constexpr double kCheckpointSeconds = 60;
+constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
+
+double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+/// The images of one camera, to be trained together.
+struct CameraImages {
+    uint32_t camera;
+    std::vector<uint32_t> images;
+};
+
+std::vector<CameraImages> groupByCamera(const OlatSplit& split)
+{
+    std::vector<CameraImages> groups(split.cameras.size());
+    for (uint32_t i = 0; i < split.images.size(); ++i)
+        if (split.images[i].light.type != LightType::kEnvironment) groups[split.images[i].camera].images.push_back(i);
+    for (uint32_t c = 0; c < groups.size(); ++c) groups[c].camera = c;
+    std::erase_if(groups, [](const CameraImages& g) { return g.images.empty(); });
+    return groups;
+}
+
+template <class T>
+void shuffle(std::vector<T>& items, Random& random)
+{
+    for (size_t i = items.size(); i > 1; --i) std::swap(items[i - 1], items[random.below(uint32_t(i))]);
+}
+
+/// Which camera and lights each step sees: every camera once per pass, in random order, up to four of its lights at random.
+class StepOrder {
+public:
+    StepOrder(std::vector<CameraImages> groups, uint64_t seed) : groups_(std::move(groups)), seed_(seed) {}
+    CameraImages at(int step) // from 1
+    {
+        const size_t pass = size_t(step - 1) / groups_.size();
+        if (order_.empty() || pass != pass_) {
+            pass_ = pass;
+            order_.resize(groups_.size());
+            std::iota(order_.begin(), order_.end(), size_t(0));
+            Random random(seed_, uint64_t(pass) << 8 | 2);
+            shuffle(order_, random);
+        }
+        CameraImages group = groups_[order_[size_t(step - 1) % groups_.size()]];
+        Random random(seed_, uint64_t(step) << 8 | 3);
+        shuffle(group.images, random);
+        if (group.images.size() > kMaxLightsPerStep) group.images.resize(kMaxLightsPerStep);
+        return group;
+    }
+    size_t passLength() const { return groups_.size(); }
+
+private:
+    std::vector<CameraImages> groups_;
+    uint64_t seed_;
+    std::vector<size_t> order_;
+    size_t pass_ = 0;
+};
+
+double psnrFrom(double squaredError, double count) { return -10.0 * std::log10(std::max(squaredError / std::max(count, 1.0), 1e-10)); }
+
+class Bake {
+public:
+    Bake(const OlatDataset& dataset, const BakeOptions& options, const std::function<void(const BakeProgress&)>& progress,
+         const std::atomic<bool>* cancel)
+        : dataset_(dataset), options_(options), report_(progress), cancel_(cancel), start_(now())
+    {
+    }
+
+    Result<BakeResult> run();
+
+private:
+    Status prepare();
+    Status checkLights(const VisualHull& hull);
+    Result<std::vector<std::vector<float>>> loadAlphas(std::vector<Camera>& cameras);
+    Result<LossStats> trainStep(int step, double progress);
+    Status track(double seconds, int step);
+    Status checkpoint(int step, double seconds);
+    void report(const char* stage, int step, double progress);
+    uint64_t optionsHash() const;
+    bool cancelled() const { return cancel_ && cancel_->load(); }
+
+    const OlatDataset& dataset_;
+    BakeOptions options_;
+    const std::function<void(const BakeProgress&)>& report_;
+    const std::atomic<bool>* cancel_;
+    double start_, resumedSeconds_ = 0, lastReport_ = 0, recentPsnr_ = 0;
+    const OlatSplit* train_ = nullptr;
+    int iterations_ = 0;
+    std::unique_ptr<TrainingImages> images_, heldOutImages_;
+    std::unique_ptr<StepOrder> order_;
+    std::unique_ptr<Trainer> trainer_;
+    BakeResult result_;
+};
+
+uint64_t Bake::optionsHash() const
+{
+    std::string text = dataset_.convention + "|" + options_.model + "|" + options_.quality;
+    for (double x : {double(iterations_), options_.minutes, double(options_.seed), double(options_.maxSplats), double(options_.sFunctions),
+                     options_.dssim, double(train_->images.size()), double(train_->cameras.size())})
+        text += "|" + std::to_string(x);
+    uint64_t hash = fnv1a(text.data(), text.size());
+    for (const OlatImage& image : train_->images) {
+        hash = fnv1a(&image.camera, sizeof image.camera, hash);
+        for (const glm::vec3& v : {image.light.position, image.light.directionToLight, image.light.intensity}) hash = fnv1a(&v, sizeof v, hash);
+    }
+    return hash;
+}
+
+void Bake::report(const char* stage, int step, double progress)
+{
+    lastReport_ = now();
+    if (!report_) return;
+    const double seconds = lastReport_ - start_ + resumedSeconds_;
+    double left = -1;
+    if (options_.iterations <= 0 && options_.minutes > 0) left = std::max(0.0, 60 * options_.minutes - seconds);
+    else if (progress > 0.01) left = (seconds - resumedSeconds_) * (1 - progress) / progress;
+    report_({stage, step, options_.minutes > 0 && options_.iterations <= 0 ? 0 : iterations_, seconds, left,
+             trainer_ ? int(trainer_->count()) : 0, recentPsnr_});
+}
+
+Result<std::vector<std::vector<float>>> Bake::loadAlphas(std::vector<Camera>& cameras)
+{
+    std::vector<CameraImages> groups = groupByCamera(*train_);
+    const size_t stride = (groups.size() + kHullCameras - 1) / kHullCameras;
+    std::vector<std::vector<float>> alphas;
+    for (size_t k = 0; k < groups.size(); k += stride) {
+        if (cancelled()) return Error{ErrorCode::kCancelled, "cancelled before training started"};
+        if (now() - lastReport_ > 0.5) report("loading", 0, 0);
+        auto image = images_->get(groups[k].images[0]);
+        if (!image) return image.error();
+        const size_t pixels = size_t((*image)->width) * (*image)->height;
+        std::vector<float> alpha(pixels);
+        for (size_t i = 0; i < pixels; ++i) alpha[i] = float((*image)->planes[3 * pixels + i]) / 65535.0f;
+        alphas.push_back(std::move(alpha));
+        cameras.push_back(train_->cameras[groups[k].camera]);
+    }
+    return alphas;
+}
+
+// A light inside the object has no direction that its splats could agree on: that is a mistake in the data.
+Status Bake::checkLights(const VisualHull& hull)
+{
+    if (hull.surface.empty()) return ok();
+    for (const OlatImage& image : train_->images) {
+        if (image.light.type != LightType::kPoint) continue;
+        size_t voxel[3];
+        bool inGrid = true;
+        for (int k = 0; k < 3; ++k) {
+            const float u = (image.light.position[k] - hull.center[k] + hull.halfSize) / (2 * hull.halfSize) * float(hull.resolution);
+            inGrid = inGrid && u >= 0 && u < float(hull.resolution);
+            voxel[k] = inGrid ? size_t(u) : 0;
+        }
+        const size_t n = size_t(hull.resolution);
+        if (inGrid && hull.inside[(voxel[2] * n + voxel[1]) * n + voxel[0]])
+            return Error{ErrorCode::kBadInput, image.path + ": its light at (" + std::to_string(image.light.position.x) + ", " +
+                                                   std::to_string(image.light.position.y) + ", " + std::to_string(image.light.position.z) +
+                                                   ") lies inside the object's silhouettes; check units and axes of the light positions"};
+    }
+    return ok();
+}
+
+Status Bake::prepare()
+{
+    const Quality* quality = std::find_if(std::begin(kQualities), std::end(kQualities), [&](const Quality& q) { return options_.quality == q.name; });
+    if (quality == std::end(kQualities)) return Error{ErrorCode::kBadInput, "--quality '" + options_.quality + "': expected draft, standard or high"};
+    train_ = dataset_.find("train");
+    if (!train_) return Error{ErrorCode::kBadInput, dataset_.path + ": no 'train' split (expected transforms_train.json)"};
+    std::vector<CameraImages> groups = groupByCamera(*train_);
+    if (groups.empty()) return Error{ErrorCode::kBadInput, dataset_.path + ": the train split has no image with a point or directional light"};
+    for (const CameraImages& g : groups) {
+        const Camera &c = train_->cameras[g.camera];
+        if (c.width > 8192 || c.height > 8192)
+            return Error{ErrorCode::kUnsupported, dataset_.path + ": train images of " + std::to_string(c.width) + "x" + std::to_string(c.height) + " pixels; at most 8192 per side, scale them down"};
+    }
+    iterations_ = options_.iterations > 0 ? options_.iterations : quality->iterations;
+    if (options_.maxSplats <= 0) options_.maxSplats = quality->maxSplats;
+    if (options_.sFunctions < 0) options_.sFunctions = quality->sFunctions;
+    if (options_.dssim < 0) options_.dssim = 0;
+
+    TrainerOptions trainerOptions;
+    trainerOptions.maxSplats = size_t(options_.maxSplats);
+    trainerOptions.seed = options_.seed;
+    trainerOptions.loss.dssim = float(options_.dssim);
+    AppearanceOptions appearanceOptions;
+    appearanceOptions.scatterFunctions = options_.sFunctions;
+    auto appearance = makeTrainableAppearance(options_.model, appearanceOptions);
+    if (!appearance) return Error{ErrorCode::kBadInput, "--model '" + options_.model + "': this build can bake: bigs"};
+
+    images_ = std::make_unique<TrainingImages>(dataset_, *train_, options_.imageBudgetBytes);
+    order_ = std::make_unique<StepOrder>(std::move(groups), options_.seed);
+    std::vector<Camera> cameras;
+    auto alphas = loadAlphas(cameras);
+    if (!alphas) return alphas.error();
+    report("hull", 0, 0);
+    const VisualHull hull = carveVisualHull(cameras, *alphas, kHullResolution);
+    if (Status s = checkLights(hull); !s) return s;
+    float extent = 0;
+    for (const SurfacePoint& p : hull.surface)
+        for (int k = 0; k < 3; ++k) extent = std::max(extent, std::abs(p.position[k] - hull.center[k]));
+    trainerOptions.sceneSize = extent > 0 ? extent : hull.halfSize;
+    const size_t initial = std::max<size_t>(1, size_t(kInitialShare * options_.maxSplats));
+    if (hull.surface.empty())
+        result_.warnings.push_back("the alphas leave no visual hull: starting from random points in the common view of the cameras");
+    trainer_ = std::make_unique<Trainer>(trainerOptions, std::move(appearance));
+    trainer_->initialize(sampleHull(hull, initial, options_.seed),
+                         hull.surface.empty() ? 6.0 * std::pow(2.0 * hull.halfSize, 2) : hull.surfaceArea, !hull.surface.empty());
+    return ok();
+}
+
+Result<LossStats> Bake::trainStep(int step, double progress)
+{
+    const CameraImages view = order_->at(step);
+    std::vector<std::shared_ptr<const PreparedImage>> held;
+    const PreparedImage* references[kMaxLightsPerStep];
+    Light lights[kMaxLightsPerStep];
+    for (size_t i = 0; i < view.images.size(); ++i) {
+        auto image = images_->get(view.images[i]);
+        if (!image) return image.error();
+        held.push_back(*image);
+        references[i] = held.back().get();
+        lights[i] = train_->images[view.images[i]].light;
+    }
+    return trainer_->step(train_->cameras[view.camera], std::span(lights, view.images.size()), references, progress, step);
+}
+
+Status Bake::track(double seconds, int step)
+{
+    const OlatSplit* test = dataset_.find("test");
+    if (!test) return ok();
+    if (!heldOutImages_) heldOutImages_ = std::make_unique<TrainingImages>(dataset_, *test, options_.imageBudgetBytes / 4);
+    ImageLoss loss;
+    std::vector<float> planes, dPlanes;
+    double psnr = 0, masked = 0;
+    int count = 0;
+    for (uint32_t i = 0; i < test->images.size(); ++i) {
+        const OlatImage& image = test->images[i];
+        if (image.light.type == LightType::kEnvironment) continue;
+        auto reference = heldOutImages_->get(i);
+        if (!reference) return reference.error();
+        trainer_->render(test->cameras[image.camera], std::span(&image.light, 1), planes);
+        dPlanes.resize(planes.size());
+        const PreparedImage* r = reference->get();
+        const LossStats s = loss.evaluate(planes.data(), &r, 1, {}, dPlanes.data());
+        psnr += psnrFrom(s.squaredError, s.count), masked += psnrFrom(s.squaredErrorMasked, s.countMasked), ++count;
+    }
+    if (count) result_.history.push_back({seconds, step, int(trainer_->count()), psnr / count, masked / count});
+    return ok();
+}
+
+Status Bake::checkpoint(int step, double seconds)
+{
+    if (options_.checkpointPath.empty()) return ok();
+    return writeCheckpoint(options_.checkpointPath, {optionsHash(), step, seconds}, *trainer_);
+}
+
+Result<BakeResult> Bake::run()
+{
+    report("loading", 0, 0);
+    if (Status s = prepare(); !s) return s.error();
+
+    int step = 0;
+    if (options_.resume) {
+        if (options_.checkpointPath.empty() || !std::filesystem::exists(options_.checkpointPath))
+            return Error{ErrorCode::kBadInput, "nothing to resume: no checkpoint at '" + options_.checkpointPath + "'; start again without --resume"};
+        auto header = readCheckpoint(options_.checkpointPath, optionsHash(), *trainer_);
+        if (!header) return header.error();
+        step = header->step;
+        resumedSeconds_ = header->seconds;
+        start_ = now();
+    }
+
+    const bool byTime = options_.iterations <= 0 && options_.minutes > 0;
+    const double budget = 60 * options_.minutes;
+    const auto elapsed = [&] { return now() - start_ + resumedSeconds_; };
+    double lastCheckpoint = elapsed(), nextTrack = 0, trackSeconds = 0;
+    LossStats pass; // over the last pass through the cameras
+    double psnrSum = 0;
+    int psnrCount = 0;
+    for (;;) {
+        // Writing the asset takes a moment too: leave 1 % of the budget for it.
+        const double progress = byTime ? elapsed() / (0.99 * budget) : double(step) / iterations_;
+        if (progress >= 1.0) break;
+        if (cancelled()) {
+            if (Status s = checkpoint(step, elapsed()); !s) return s.error();
+            return Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(step)};
+        }
+        if (options_.trackHeldOut && progress >= nextTrack) {
+            const double before = now();
+            if (Status s = track(elapsed() - trackSeconds, step); !s) return s.error();
+            trackSeconds += now() - before;
+            nextTrack = (std::floor(progress / kTrackEvery) + 1) * kTrackEvery;
+        }
+
+        ++step;
+        auto stats = trainStep(step, progress);
+        if (!stats) return stats.error();
+        if (!std::isfinite(stats->loss)) return Error{ErrorCode::kIo, "training diverged at step " + std::to_string(step) + ": the loss is not finite"};
+        pass.squaredErrorMasked += stats->squaredErrorMasked, pass.countMasked += stats->countMasked;
+        psnrSum += psnrFrom(stats->squaredError, stats->count), ++psnrCount;
+        if (size_t(step) % order_->passLength() == 0) {
+            recentPsnr_ = psnrFrom(pass.squaredErrorMasked, pass.countMasked);
+            result_.psnrTrain = psnrSum / psnrCount;
+            pass = {}, psnrSum = 0, psnrCount = 0;
+        }
+
+        if (step % kDensifyEvery == 0 && progress < kDensifyUntil && progress > 0.02)
+            trainer_->densify(size_t((kGrowth - 1) * double(trainer_->count())));
+        else if (step % kDensifyEvery == 0 && progress < kPruneWatch)
+            trainer_->resetStatistics();
+        if (now() - lastReport_ > 0.5) report("training", step, progress);
+        if (elapsed() - lastCheckpoint > kCheckpointSeconds) {
+            if (Status s = checkpoint(step, elapsed()); !s) return s.error();
+            lastCheckpoint = elapsed();
+        }
+    }
+    if (psnrCount && result_.psnrTrain == 0) result_.psnrTrain = psnrSum / psnrCount;
+
+    report("writing", step, 1.0);
+    trainer_->prune();
+    if (options_.trackHeldOut)
+        if (Status s = track(elapsed() - trackSeconds, step); !s) return s.error();
+    SplatAsset& asset = result_.asset;
+    asset.model = options_.model;
+    trainer_->exportTo(asset);
+    // Dataset +Z up becomes glTF +Y up by a quarter turn about X.
+    if (dataset_.up.z > 0.5f) asset.yUpFromAsset = glm::quat(std::sqrt(0.5f), -std::sqrt(0.5f), 0, 0);
+    asset.bakedWith = "nacre 0.1.0, " + dataset_.convention + " dataset, " + std::to_string(step) + " iterations, seed " + std::to_string(options_.seed);
+    std::vector<Light> lights;
+    for (const OlatImage& image : train_->images) lights.push_back(image.light);
+    auto neutral = fitNeutralLook(asset, lights);
+    if (!neutral) return neutral.error();
+    asset.neutral = std::move(*neutral);
+    result_.iterations = step;
+    result_.seconds = elapsed();
+    return std::move(result_);
+}
+
+} // namespace
+
+Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options, const std::function<void(const BakeProgress&)>& progress,
+                        const std::atomic<bool>* cancel)
+{
+    tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
+    return arena.execute([&] { return Bake(dataset, options, progress, cancel).run(); });
+}
+
+} // namespace nacre

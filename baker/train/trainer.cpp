@@ -1,0 +1,258 @@
+#include "train/trainer.h"
+
+#include "splat/morton.h"
+#include "splat/random.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+
+namespace nacre {
+
+// Learning rates of the geometry at the start; all fall exponentially to kFinalRate of that.
+constexpr float kRatePosition = 4e-4f /* of the scene size */, kRateScale = 5e-3f, kRateRotation = 2e-3f, kRateOpacity = 2e-2f;
+constexpr double kFinalRate = 0.01;
+constexpr float kOpacityPull = 1e-8f;    // far below the gradient of a splat that matters
+constexpr float kActiveWeight = 2e-3f;   // a splat whose blending weights sum to less than this over the image does not learn from it
+constexpr float kDeadOpacity = 0.01f;
+
+const char* stageName(Stage stage)
+{
+    constexpr const char* names[kStageCount] = {"project+bin", "shade", "blend", "loss", "blend back", "geometry back", "shade back+Adam"};
+    return names[stage];
+}
+
+namespace {
+
+class StageClock {
+public:
+    explicit StageClock(std::array<double, kStageCount>& seconds) : seconds_(seconds), last_(std::chrono::steady_clock::now()) {}
+    void end(Stage stage)
+    {
+        const auto now = std::chrono::steady_clock::now();
+        seconds_[stage] += std::chrono::duration<double>(now - last_).count();
+        last_ = now;
+    }
+
+private:
+    std::array<double, kStageCount>& seconds_;
+    std::chrono::steady_clock::time_point last_;
+};
+
+LitView litView(const Camera& camera, std::span<const Light> lights)
+{
+    LitView lit;
+    for (int k = 0; k < 3; ++k) lit.eye[k] = float(camera.worldFromCamera[3][k]);
+    lit.lightCount = int(lights.size());
+    std::copy(lights.begin(), lights.end(), lit.lights);
+    return lit;
+}
+
+} // namespace
+
+Trainer::Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppearance> appearance)
+    : options_(options), appearance_(std::move(appearance))
+{
+}
+
+void Trainer::initialize(std::span<const SurfacePoint> points, double surfaceArea, bool flat)
+{
+    geometry_.resize(points.size());
+    const float spacing = float(std::sqrt(surfaceArea / double(std::max<size_t>(1, points.size()))));
+    for (size_t i = 0; i < points.size(); ++i) {
+        const float* n = points[i].normal;
+        GeometryRow& r = geometry_.raw[i];
+        for (int k = 0; k < 3; ++k) r[k] = points[i].position[k], r[3 + k] = std::log(0.6f * spacing);
+        if (flat) r[5] = std::log(0.2f * spacing);
+        // Shortest rotation of +Z onto the normal.
+        r[6] = 1 + n[2], r[7] = -n[1], r[8] = n[0], r[9] = 0;
+        if (n[2] < -0.9999f) r[6] = 0, r[7] = 1, r[8] = 0;
+        r[10] = logit(0.5f);
+        geometry_.activate(i);
+    }
+    appearance_->resize(points.size());
+    resetStatistics();
+}
+
+VisibleView Trainer::project(const Camera& camera)
+{
+    view_ = makeView<float>(camera, options_.lowPassVariance);
+    builder_.build(view_, geometry_.activated);
+    const VisibleSplats& visible = builder_.visible;
+    visibleFromSplat_.assign(geometry_.count(), ~0u);
+    for (size_t v = 0; v < visible.count(); ++v) visibleFromSplat_[visible.splatFromVisible[v]] = uint32_t(v);
+    if (colors_.size() < visible.count() * kColorStride) {
+        colors_.resize(visible.count() * kColorStride), dColors_.resize(visible.count() * kColorStride);
+        dSplats_.resize(visible.count()), active_.resize(visible.count());
+    }
+    return {geometry_.activated, visibleFromSplat_, visible.count()};
+}
+
+void Trainer::render(const Camera& camera, std::span<const Light> lights, std::vector<float>& planes)
+{
+    const VisibleView view = project(camera);
+    const LitView lit = litView(camera, lights);
+    appearance_->forward(view, lit, colors_.data());
+    planes.resize(size_t(camera.width) * camera.height * (3 * lights.size() + 1));
+    rasterForward(builder_.visible, builder_.tiles, colors_.data(), 3 * int(lights.size()), planes.data());
+}
+
+LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, double progress,
+                        int step)
+{
+    StageClock clock(stageSeconds);
+    const int channels = 3 * int(lights.size());
+    Random random(options_.seed, uint64_t(step) << 8 | 1);
+    const float uniform[3] = {random.uniform(), random.uniform(), random.uniform()};
+    appearance_->beginStep(progress, step, uniform);
+
+    const VisibleView view = project(camera);
+    const VisibleSplats& visible = builder_.visible;
+    lastVisible = visible.count(), lastEntries = builder_.tiles.entries.size();
+    clock.end(kStageProject);
+
+    const LitView lit = litView(camera, lights);
+    appearance_->forward(view, lit, colors_.data());
+    clock.end(kStageShade);
+
+    const size_t pixels = size_t(camera.width) * camera.height;
+    planes_.resize(pixels * (channels + 1)), dPlanes_.resize(planes_.size());
+    rasterForward(visible, builder_.tiles, colors_.data(), channels, planes_.data());
+    clock.end(kStageBlend);
+
+    const LossStats stats = loss_.evaluate(planes_.data(), references, int(lights.size()), options_.loss, dPlanes_.data());
+    clock.end(kStageLoss);
+
+    rasterBackward(visible, builder_.tiles, colors_.data(), channels, planes_.data(), dPlanes_.data(), rasterScratch_, dColors_.data(),
+                   dSplats_.data());
+    clock.end(kStageBlendBack);
+
+    const float gradientScale = float(pixels); // the loss is a mean over pixels: undo it, so that statistics do not depend on the image size
+    lastActive = 0;
+    for (size_t v = 0; v < visible.count(); ++v) {
+        const size_t i = visible.splatFromVisible[v];
+        active_[v] = dSplats_[v].weight > kActiveWeight;
+        if (!active_[v]) continue;
+        ++lastActive;
+        gradientSum_[i] += gradientScale * std::hypot(dSplats_[v].mean[0], dSplats_[v].mean[1]);
+        weightSum_[i] += dSplats_[v].weight;
+        ++seen_[i];
+    }
+    const float fall = float(std::pow(kFinalRate, progress));
+    const GeometryRates rates{kRatePosition * options_.sceneSize * fall, kRateScale * fall, kRateRotation * fall, kRateOpacity * fall};
+    // Geometry moves after the appearance has used it: both gradients belong to the same state.
+    clock.end(kStageGeometryBack);
+    appearance_->backwardAndStep(view, lit, active_.data(), dColors_.data());
+    clock.end(kStageShadeBack);
+    stepGeometry(geometry_, view_, visible.splatFromVisible, dSplats_.data(), active_.data(), rates, step, kOpacityPull);
+    clock.end(kStageGeometryBack);
+    return stats;
+}
+
+void Trainer::resetStatistics()
+{
+    gradientSum_.assign(geometry_.count(), 0.0f);
+    weightSum_.assign(geometry_.count(), 0.0f);
+    seen_.assign(geometry_.count(), 0);
+}
+
+// Cuts the parent in two along its longest axis. Second moments are kept; the opacity makes the pair as opaque at the old centre as the
+// parent was there.
+void Trainer::splitSplat(size_t parent, size_t child)
+{
+    GeometryRow& p = geometry_.raw[parent];
+    const int axis = int(std::max_element(&p[3], &p[6]) - &p[3]);
+    const float sigma = std::exp(p[3 + axis]);
+    float rotation[9];
+    detail::rotationMatrix(&p[6], rotation);
+    constexpr float kShift = 0.6f; // in standard deviations; (1 - kShift^2) is the variance that is left
+    p[3 + axis] += 0.5f * std::log(1 - kShift * kShift);
+    const float opacity = geometry_.activated[parent].opacity, atCentre = std::exp(-0.5f * kShift * kShift / (1 - kShift * kShift));
+    p[10] = logit(std::clamp((1 - std::sqrt(1 - opacity)) / atCentre, 0.005f, 0.99f));
+    geometry_.raw[child] = p;
+    for (int k = 0; k < 3; ++k) {
+        const float shift = kShift * sigma * rotation[3 * k + axis];
+        geometry_.raw[parent][k] += shift, geometry_.raw[child][k] -= shift;
+    }
+    for (size_t i : {parent, child}) geometry_.clearMoments(i), geometry_.activate(i);
+    appearance_->copySplat(parent, child);
+}
+
+void Trainer::densify(size_t grow)
+{
+    const size_t old = geometry_.count();
+    grow = std::min(grow, options_.maxSplats - std::min(options_.maxSplats, old));
+    std::vector<uint32_t> dead, alive;
+    for (size_t i = 0; i < old; ++i)
+        (geometry_.activated[i].opacity < kDeadOpacity || seen_[i] == 0 ? dead : alive).push_back(uint32_t(i));
+    std::vector<uint32_t> children = dead;
+    for (size_t i = 0; i < grow; ++i) children.push_back(uint32_t(old + i));
+    const size_t splits = std::min(children.size(), alive.size() / 2);
+    children.resize(std::max(std::min(children.size(), dead.size()), splits)); // never more rows than splits can fill
+    if (children.size() > splits) children.resize(splits);
+    const auto score = [&](uint32_t i) { return gradientSum_[i] / float(std::max(1u, seen_[i])); };
+    std::partial_sort(alive.begin(), alive.begin() + splits, alive.end(),
+                      [&](uint32_t a, uint32_t b) { return std::pair(-score(a), a) < std::pair(-score(b), b); });
+    const size_t count = old + (splits > dead.size() ? splits - dead.size() : 0);
+    geometry_.resize(count);
+    appearance_->resize(count);
+    for (size_t i = 0; i < splits; ++i) splitSplat(alive[i], children[i]);
+
+    const std::vector<uint32_t> order = mortonOrder(count, [&](size_t i) { return geometry_.raw[i].data(); });
+    geometry_.permute(order);
+    appearance_->permute(order);
+    resetStatistics();
+}
+
+size_t Trainer::prune()
+{
+    std::vector<uint32_t> kept, dropped;
+    for (size_t i = 0; i < geometry_.count(); ++i) (seen_[i] > 0 ? kept : dropped).push_back(uint32_t(i));
+    std::vector<uint32_t> order = kept;
+    order.insert(order.end(), dropped.begin(), dropped.end());
+    geometry_.permute(order);
+    appearance_->permute(order);
+    geometry_.resize(kept.size());
+    appearance_->resize(kept.size());
+    resetStatistics();
+    return dropped.size();
+}
+
+void Trainer::exportTo(SplatAsset& asset) const
+{
+    SplatCloud& cloud = asset.cloud;
+    cloud.count = geometry_.count();
+    for (const GaussianGeometry<float>& g : geometry_.activated) {
+        float q[4];
+        detail::normalizeQuaternion(g.rotation, q);
+        cloud.positions.emplace_back(g.position[0], g.position[1], g.position[2]);
+        cloud.rotations.emplace_back(q[0], q[1], q[2], q[3]);
+        cloud.scales.emplace_back(g.scale[0], g.scale[1], g.scale[2]);
+        cloud.opacities.push_back(g.opacity);
+    }
+    asset.lowPassVariance = options_.lowPassVariance;
+    asset.channels = appearance_->exportChannels();
+}
+
+void Trainer::save(ByteWriter& out) const
+{
+    out.array(geometry_.raw), out.array(geometry_.momentum), out.array(geometry_.second);
+    out.array(gradientSum_), out.array(weightSum_), out.array(seen_);
+    appearance_->save(out);
+}
+
+bool Trainer::load(ByteReader& in)
+{
+    in.array(geometry_.raw), in.array(geometry_.momentum), in.array(geometry_.second);
+    in.array(gradientSum_), in.array(weightSum_), in.array(seen_);
+    const size_t n = geometry_.raw.size();
+    if (in.failed || geometry_.momentum.size() != n || geometry_.second.size() != n || gradientSum_.size() != n || weightSum_.size() != n ||
+        seen_.size() != n)
+        return false;
+    geometry_.activated.resize(n);
+    for (size_t i = 0; i < n; ++i) geometry_.activate(i);
+    return appearance_->load(in);
+}
+
+} // namespace nacre

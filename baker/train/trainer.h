@@ -1,0 +1,74 @@
+// One bake in progress: geometry and appearance of all splats, and the step that improves them on one view.
+#pragma once
+
+#include "appearance/trainable.h"
+#include "render/raster.h"
+#include "splat/geometry.h"
+#include "splat/visual_hull.h"
+#include "train/loss.h"
+
+#include <array>
+#include <memory>
+
+namespace nacre {
+
+struct TrainerOptions {
+    size_t maxSplats = 10000;
+    float lowPassVariance = 0.1f;  // px^2
+    float sceneSize = 1.0f;        // half-size of the object, scales the rate of positions
+    LossOptions loss;
+    uint64_t seed = 1;
+};
+
+enum Stage { kStageProject, kStageShade, kStageBlend, kStageLoss, kStageBlendBack, kStageGeometryBack, kStageShadeBack, kStageCount };
+const char* stageName(Stage stage);
+
+class Trainer {
+public:
+    Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppearance> appearance);
+
+    /// Flat splats on the points, as wide as their share of `surfaceArea`; `flat` = false gives round ones.
+    void initialize(std::span<const SurfacePoint> points, double surfaceArea, bool flat);
+
+    /// One camera under up to kMaxLightsPerStep lights. `progress` in [0, 1], `step` from 1.
+    LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, double progress, int step);
+
+    /// Renders without learning; planes as rasterForward, three per light plus alpha.
+    void render(const Camera& camera, std::span<const Light> lights, std::vector<float>& planes);
+
+    /// Splits the splats whose image gradient is largest: into the places of those that contribute nothing, and `grow` new ones.
+    void densify(size_t grow);
+    /// Drops the splats that have contributed to no pixel since the statistics were last reset. Returns how many.
+    size_t prune();
+    void resetStatistics();
+
+    size_t count() const { return geometry_.count(); }
+    void exportTo(SplatAsset& asset) const;
+    void save(ByteWriter& out) const;
+    bool load(ByteReader& in);
+
+    std::array<double, kStageCount> stageSeconds{}; // accumulated by step()
+    size_t lastVisible = 0, lastActive = 0, lastEntries = 0;
+
+private:
+    VisibleView project(const Camera& camera);
+    void splitSplat(size_t parent, size_t child);
+
+    TrainerOptions options_;
+    std::unique_ptr<TrainableAppearance> appearance_;
+    SplatGeometry geometry_;
+    std::vector<float> gradientSum_, weightSum_; // per splat, since resetStatistics
+    std::vector<uint32_t> seen_;
+
+    // Working memory of a step, reused.
+    View<float> view_{};
+    TileBuilder builder_;
+    RasterScratch rasterScratch_;
+    ImageLoss loss_;
+    std::vector<uint32_t> visibleFromSplat_;
+    std::vector<uint8_t> active_;
+    std::vector<float> colors_, dColors_, planes_, dPlanes_;
+    std::vector<ScreenGradient<float>> dSplats_;
+};
+
+} // namespace nacre
