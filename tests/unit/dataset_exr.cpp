@@ -4,11 +4,6 @@
 
 using namespace nacre;
 
-// 5 x 4 pixels, tiles of 2 x 3, float, ZIP, channels B G R, R = 10 y + x, G = R + 0.5, B = -R; written by OpenEXR's TiledOutputFile.
-static const unsigned char kTiledExr[] = {
-#include "dataset_tiled_exr.inc"
-};
-
 static Image gradient(int width, int height)
 {
     Image image{width, height, {}};
@@ -48,7 +43,7 @@ TEST_CASE("float EXR keeps float precision and missing alpha reads as 1")
 
 TEST_CASE("tiled EXR reads like scanline EXR")
 {
-    Result<Image> image = decodeExr(std::as_bytes(std::span(kTiledExr)), "tiled.exr");
+    Result<Image> image = decodeExr(tiledExr(), "tiled.exr");
     REQUIRE(image);
     REQUIRE(image->width == 5);
     REQUIRE(image->height == 4);
@@ -137,8 +132,7 @@ TEST_CASE("EXR cut off at any byte is an error")
     TempFolder folder;
     REQUIRE(writeExr(gradient(8, 20), folder.file("a.exr")));
     const Bytes zip = *readFile(folder.file("a.exr")), raw = ExrBuilder().build();
-    const auto tiled = std::as_bytes(std::span(kTiledExr));
-    for (const Bytes& bytes : {zip, raw, Bytes(tiled.begin(), tiled.end())})
+    for (const Bytes& bytes : {zip, raw, tiledExr()})
         for (size_t n = 0; n < bytes.size(); n++) {
             Result<Image> image = decodeExr(std::span(bytes).first(n), "cut.exr");
             if (image) FAIL("decoded from " << n << " of " << bytes.size() << " bytes");
