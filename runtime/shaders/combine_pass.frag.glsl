@@ -3,7 +3,7 @@
 uniform sampler2D uGeometry;   // slot 0: mean, opacity; slot 3: rho
 uniform sampler2D uDirect;     // slot g: direct transport of lights 4g..4g+3
 uniform sampler2D uIndirect;   // slot g: indirect radiance of lights 4g..4g+3
-uniform sampler2D uContracted; // slot i: a_i
+uniform sampler2D uContracted; // see contractedTexel
 uniform sampler2D uLights;     // row 0: see sampleLight; row 1: intensity
 uniform int uLightCount;
 uniform float uWorldScale2;
@@ -18,7 +18,7 @@ void main()
 #if S_FUNCTIONS > 0
     vec3 mean = texelFetch(uGeometry, splat, 0).xyz;
     vec3 a[S_FUNCTIONS];
-    for (int i = 0; i < S_FUNCTIONS; ++i) a[i] = texelFetch(uContracted, slotTexel(splat, i), 0).rgb;
+    for (int i = 0; i < S_FUNCTIONS; ++i) a[i] = texelFetch(uContracted, contractedTexel(splat, i), 0).rgb;
 #endif
     for (int t = 0; t < uLightCount; ++t) {
         ivec2 group = slotTexel(splat, t >> 2);

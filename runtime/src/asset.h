@@ -3,9 +3,9 @@
 // Textures (layout.glsl says where a splat sits in them):
 //   geometry    RGBA32F  slots: mean+opacity, quaternion xyzw, scales, rho
 //   transport   RGBA16F  25 slots: T_ind rgb, T_dir
-//   scatter     RGBA16F  array, one slot per pair of s: c_ij rgb
+//   scatter     RGBA16F  array, texel g * pairs + pair(i, j): c_ij rgb (all of a splat together: the view pass reads it 25 times)
 //   direct, indirect     RGBA32F  light pass: one slot per four lights
-//   contracted  RGBA32F  view pass: one slot per function of s
+//   contracted  RGBA32F  view pass: every grid row becomes one row per function of s
 //   color       RGBA32F  combine pass: radiance towards the camera
 #pragma once
 
@@ -56,7 +56,8 @@ struct NacreAssetImpl {
 
     // What was uploaded.
     uint32_t count = 0;
-    int width = 0, rows = 0, slotShift = 0; // layout.glsl
+    int width = 0, rows = 0;       // of the grid, layout.glsl
+    int scatterShift = 0;          // layers of the scatter texture are 2^shift texels wide and high
     int sFunctions = 0;
     float lowPassVariance = 0;
     glm::vec3 boundsMin{0}, boundsMax{0};
@@ -89,8 +90,8 @@ namespace nacre {
 Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAssetImpl& asset);
 void destroyAsset(NacreAssetImpl& asset);
 
-/// Allocates a float texture of `slots` slots; adds to gpuBytes. `layers` > 0 makes an array texture.
-GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots, int layers = 0);
+/// Allocates a texture of `slots` slots; adds to gpuBytes.
+GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots);
 
 /// Compiles the four programs for this asset's layout and size of s.
 Failure compilePrograms(NacreAssetImpl& asset);

@@ -13,9 +13,9 @@ static std::string defines(const NacreAssetImpl& asset)
 {
     char text[256];
     std::snprintf(text, sizeof text,
-                  "#version 330 core\n#define WIDTH %d\n#define ROWS %d\n#define SLOT_SHIFT %d\n#define S_FUNCTIONS %d\n"
+                  "#version 330 core\n#define WIDTH %d\n#define ROWS %d\n#define SCATTER_SHIFT %d\n#define S_FUNCTIONS %d\n"
                   "#define MIN_ALPHA %.9g\n#define MAX_ALPHA %.9g\n",
-                  asset.width, asset.rows, asset.slotShift, asset.sFunctions, double(kMinAlpha), double(kMaxAlpha));
+                  asset.width, asset.rows, asset.scatterShift, asset.sFunctions, double(kMinAlpha), double(kMaxAlpha));
     return text;
 }
 

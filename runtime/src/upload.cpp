@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 namespace nacre {
 
@@ -37,46 +38,43 @@ static void setNearest(const Gl& gl, GLenum target)
     gl.TexParameteri(target, GL_TEXTURE_MAX_LEVEL, 0);
 }
 
-GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots, int layers)
+GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots)
 {
     const Gl& gl = asset.context->gl;
-    const GLenum target = layers > 0 ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
     const bool index = format == GL_R32UI;
-    const GLenum external = index ? GL_RED_INTEGER : GL_RGBA, type = index ? GL_UNSIGNED_INT : GL_FLOAT;
     const int height = asset.rows * slots;
     GLuint texture = 0;
     gl.GenTextures(1, &texture);
-    bindTexture(gl, 0, target, texture);
-    setNearest(gl, target);
-    if (layers > 0) gl.TexImage3D(target, 0, GLint(format), asset.width, height, layers, 0, external, type, nullptr);
-    else gl.TexImage2D(target, 0, GLint(format), asset.width, height, 0, external, type, nullptr);
+    bindTexture(gl, 0, GL_TEXTURE_2D, texture);
+    setNearest(gl, GL_TEXTURE_2D);
+    gl.TexImage2D(GL_TEXTURE_2D, 0, GLint(format), asset.width, height, 0, index ? GL_RED_INTEGER : GL_RGBA,
+                  index ? GL_UNSIGNED_INT : GL_FLOAT, nullptr);
     const uint64_t texelBytes = format == GL_RGBA32F ? 16 : format == GL_RGBA16F ? 8 : 4;
-    asset.gpuBytes += texelBytes * uint64_t(asset.width) * uint64_t(height) * uint64_t(std::max(layers, 1));
+    asset.gpuBytes += texelBytes * uint64_t(asset.width) * uint64_t(height);
     return texture;
 }
 
-/// Chooses the grid: the narrowest that keeps every texture, with all of s on one layer if the limits allow.
+/// Chooses the narrowest grid that keeps every slot texture within the limits, and how many texels of s a layer holds.
 static Failure chooseLayout(NacreAssetImpl& asset)
 {
-    constexpr int kLightSlots = NACRE_MAX_LIGHTS / 4; // the most slots of a plain 2D texture
+    constexpr int kMostSlots = NACRE_MAX_LIGHTS / 4; // of the textures the light pass writes
     const Gl& gl = asset.context->gl;
-    const int pairs = bigsPairCount(asset.sFunctions);
     const int64_t maxSize = gl.maxTextureSize, count = asset.count;
     int64_t width = 64;
     const auto rows = [&] { return (count + width - 1) / width; };
-    while (rows() * std::max(pairs, kLightSlots) > maxSize && 2 * width <= maxSize) width *= 2;
-    if (rows() * kLightSlots > maxSize)
+    while (rows() * kMostSlots > maxSize && 2 * width <= maxSize) width *= 2;
+    if (rows() * kMostSlots > maxSize)
         return {NACRE_ERROR_UNSUPPORTED, "the asset has " + std::to_string(count) + " splats, this GPU's textures (GL_MAX_TEXTURE_SIZE " +
-                                             std::to_string(maxSize) + ") hold at most " +
-                                             std::to_string(maxSize / kLightSlots * width)};
+                                             std::to_string(maxSize) + ") hold at most " + std::to_string(maxSize / kMostSlots * width)};
     asset.width = int(width);
     asset.rows = int(rows());
-    asset.slotShift = std::bit_width(unsigned(maxSize / asset.rows)) - 1; // slots per layer, rounded down to a power of two
-    if (rows() * pairs <= maxSize) asset.slotShift = 16;                  // one layer
-    const int layers = (pairs + (1 << asset.slotShift) - 1) >> asset.slotShift;
-    if (layers > gl.maxArrayLayers)
-        return {NACRE_ERROR_UNSUPPORTED, "the asset's s needs " + std::to_string(layers) + " texture layers, this GPU has " +
-                                             std::to_string(gl.maxArrayLayers) + "; bake with a smaller s"};
+
+    asset.scatterShift = std::bit_width(unsigned(maxSize)) - 1;
+    const int64_t texels = count * bigsPairCount(asset.sFunctions), layers = (texels >> 2 * asset.scatterShift) + 1;
+    if (layers > gl.maxArrayLayers || texels > std::numeric_limits<int32_t>::max())
+        return {NACRE_ERROR_UNSUPPORTED, "the s of " + std::to_string(count) + " splats needs " + std::to_string(layers) +
+                                             " texture layers, this GPU has " + std::to_string(gl.maxArrayLayers) +
+                                             "; bake with a smaller s or fewer splats"};
     return {};
 }
 
@@ -92,55 +90,71 @@ static Failure checkHalfRange(const Channel& channel)
 
 /// texel(g) for every splat of one slot, then one upload. T is float or uint16_t (half).
 template <class T, class Texel>
-static void uploadSlot(const NacreAssetImpl& asset, std::vector<T>& staging, int slot, int layer, bool array, Texel texel)
+static void uploadSlot(const NacreAssetImpl& asset, std::vector<T>& staging, int slot, Texel texel)
 {
     const Gl& gl = asset.context->gl;
     staging.assign(size_t(4) * size_t(asset.width) * size_t(asset.rows), T(0));
     for (size_t g = 0; g < asset.count; ++g) texel(g, &staging[4 * g]);
     const GLenum type = sizeof(T) == 2 ? GL_HALF_FLOAT : GL_FLOAT;
-    const int y = slot * asset.rows;
-    if (array) gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, y, layer, asset.width, asset.rows, 1, GL_RGBA, type, staging.data());
-    else gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, y, asset.width, asset.rows, GL_RGBA, type, staging.data());
+    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, slot * asset.rows, asset.width, asset.rows, GL_RGBA, type, staging.data());
 }
 
 static void uploadGeometry(NacreAssetImpl& asset, const SplatCloud& cloud, const Channel& rho)
 {
     std::vector<float> staging;
     asset.geometry = createSlotTexture(asset, GL_RGBA32F, kGeometrySlots);
-    uploadSlot(asset, staging, kMeanOpacity, 0, false, [&](size_t g, float* t) {
+    uploadSlot(asset, staging, kMeanOpacity, [&](size_t g, float* t) {
         const glm::vec3& p = cloud.positions[g];
         t[0] = p.x, t[1] = p.y, t[2] = p.z, t[3] = cloud.opacities[g];
     });
-    uploadSlot(asset, staging, kRotation, 0, false, [&](size_t g, float* t) {
+    uploadSlot(asset, staging, kRotation, [&](size_t g, float* t) {
         const glm::quat q = glm::normalize(cloud.rotations[g]);
         t[0] = q.x, t[1] = q.y, t[2] = q.z, t[3] = q.w;
     });
-    uploadSlot(asset, staging, kScale, 0, false, [&](size_t g, float* t) {
+    uploadSlot(asset, staging, kScale, [&](size_t g, float* t) {
         for (int c = 0; c < 3; ++c) t[c] = cloud.scales[g][c];
     });
-    uploadSlot(asset, staging, kRho, 0, false, [&](size_t g, float* t) {
+    uploadSlot(asset, staging, kRho, [&](size_t g, float* t) {
         for (int c = 0; c < 3; ++c) t[c] = rho.values[3 * g + size_t(c)];
     });
 }
 
-static void uploadCoefficients(NacreAssetImpl& asset, const Channel& tDir, const Channel& tInd, const Channel* s)
+static void uploadTransport(NacreAssetImpl& asset, const Channel& tDir, const Channel& tInd)
 {
     std::vector<uint16_t> staging;
     asset.transport = createSlotTexture(asset, GL_RGBA16F, kBigsTransportFunctions);
     for (int i = 0; i < kBigsTransportFunctions; ++i)
-        uploadSlot(asset, staging, i, 0, false, [&](size_t g, uint16_t* t) {
+        uploadSlot(asset, staging, i, [&](size_t g, uint16_t* t) {
             const size_t k = g * kBigsTransportFunctions + size_t(i);
             for (size_t c = 0; c < 3; ++c) t[c] = halfFromFloat(tInd.values[3 * k + c]);
             t[3] = halfFromFloat(tDir.values[k]);
         });
-    if (!s) return;
-    const int pairs = bigsPairCount(asset.sFunctions), perLayer = std::min(pairs, 1 << asset.slotShift);
-    asset.scatter = createSlotTexture(asset, GL_RGBA16F, perLayer, (pairs + perLayer - 1) / perLayer);
-    for (int pair = 0; pair < pairs; ++pair)
-        uploadSlot(asset, staging, pair % perLayer, pair / perLayer, true, [&](size_t g, uint16_t* t) {
-            const float* c = &s->values[3 * (g * size_t(pairs) + size_t(pair))];
-            for (int k = 0; k < 3; ++k) t[k] = halfFromFloat(c[k]);
-        });
+}
+
+/// One long row of texels, all pairs of a splat together, wrapped at the texture's width and then at its height.
+static void uploadScatter(NacreAssetImpl& asset, const Channel& s)
+{
+    const Gl& gl = asset.context->gl;
+    const size_t width = size_t(1) << asset.scatterShift, texels = s.values.size() / 3, rows = (texels + width - 1) / width;
+    const size_t layerRows = std::min(rows, width), layers = (rows + layerRows - 1) / layerRows;
+    gl.GenTextures(1, &asset.scatter);
+    bindTexture(gl, 0, GL_TEXTURE_2D_ARRAY, asset.scatter);
+    setNearest(gl, GL_TEXTURE_2D_ARRAY);
+    gl.TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA16F, GLsizei(width), GLsizei(layerRows), GLsizei(layers), 0, GL_RGBA, GL_HALF_FLOAT,
+                  nullptr);
+    asset.gpuBytes += 8 * uint64_t(width * layerRows * layers);
+
+    std::vector<uint16_t> staging;
+    constexpr size_t kChunkRows = 16;
+    for (size_t row = 0, n = 0; row < rows; row += n) {
+        n = std::min({kChunkRows, rows - row, layerRows - row % layerRows});
+        staging.assign(4 * width * n, 0);
+        const size_t first = row * width, last = std::min(first + n * width, texels);
+        for (size_t t = first; t < last; ++t)
+            for (size_t c = 0; c < 3; ++c) staging[4 * (t - first) + c] = halfFromFloat(s.values[3 * t + c]);
+        gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, GLint(row % layerRows), GLint(row / layerRows), GLsizei(width), GLsizei(n), 1, GL_RGBA,
+                         GL_HALF_FLOAT, staging.data());
+    }
 }
 
 static GLuint createTarget(NacreAssetImpl& asset, GLuint texture)
@@ -223,7 +237,8 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
         context.report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(pending) + "; it was cleared");
     GlStateGuard guard(gl);
     uploadGeometry(asset, source.cloud, *rho);
-    uploadCoefficients(asset, *tDir, *tInd, s);
+    uploadTransport(asset, *tDir, *tInd);
+    if (s) uploadScatter(asset, *s);
     if (Failure f = createTargets(asset)) return f;
     growIndexBuffer(context, asset.count);
     if (Failure f = compilePrograms(asset)) return f;
