@@ -84,7 +84,8 @@ Result<PngHeader> readHeader(std::span<const std::byte> bytes, const std::string
     return h;
 }
 
-/// Every chunk lies inside the file with the right checksum, and the last one is IEND.
+/// Every chunk lies inside the file with the right checksum and a type that may be there, and the last one is IEND. stb would quote
+/// the bytes of an unknown type in its message, from a buffer that all threads share.
 Status checkChunks(std::span<const std::byte> bytes, const std::string& name)
 {
     for (size_t at = 8;;) {
@@ -93,7 +94,11 @@ Status checkChunks(std::span<const std::byte> bytes, const std::string& name)
         if (length > bytes.size() - at - 12) return bad(name, "PNG is cut off at byte " + std::to_string(bytes.size()));
         if (crc32(bytes.subspan(at + 4, length + 4)) != bigEndian(bytes, at + 8 + length))
             return bad(name, "damaged PNG: checksum of the chunk at byte " + std::to_string(at) + " does not match");
-        if (std::memcmp(bytes.data() + at + 4, "IEND", 4) == 0) return ok();
+        const std::string type(reinterpret_cast<const char*>(bytes.data()) + at + 4, 4);
+        const bool critical = (type[0] & 0x20) == 0;
+        if (critical && type != "IHDR" && type != "PLTE" && type != "IDAT" && type != "IEND")
+            return bad(name, "broken PNG: unknown kind of chunk at byte " + std::to_string(at));
+        if (type == "IEND") return ok();
         at += length + 12;
     }
 }

@@ -54,6 +54,20 @@ TEST_CASE("PNG cut off at any byte or with any bit flipped is an error")
     }
 }
 
+TEST_CASE("PNG with a chunk of an unknown critical type is an error of one line")
+{
+    PngBuilder png;
+    png.rows.assign(18, 7);
+    Bytes bytes = png.build();
+    for (const char* type : {"\nATx", "ABCD", "CgBI"}) {
+        std::memcpy(bytes.data() + 37, type, 4);
+        repairPngChecksums(bytes);
+        Result<Image> image = decodePng(bytes, "odd.png");
+        REQUIRE(!image);
+        checkError(image.error(), ErrorCode::kBadInput, {"odd.png", "byte 33"});
+    }
+}
+
 TEST_CASE("PNG that lies about its size is refused before its pixels are allocated")
 {
     for (const auto& [w, h] : {std::pair{0u, 2u}, {0xffffffffu, 1u}, {65536u, 65536u}, {16384u, 16384u}}) {
