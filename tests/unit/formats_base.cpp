@@ -182,7 +182,7 @@ TEST_CASE("asset check names what is wrong")
     refuses("opacity", [](SplatAsset& a) { a.cloud.opacities[0] = -0.01f; });
     refuses("no splats", [](SplatAsset& a) { a.cloud = {}; });
     refuses("arrays disagree", [](SplatAsset& a) { a.cloud.scales.pop_back(); });
-    refuses("unknown appearance model 'x'", [](SplatAsset& a) { a.model = "x"; });
+    refuses("unknown appearance model 'painterly'", [](SplatAsset& a) { a.model = "painterly"; });
     refuses("'rho' of model 'bigs' is missing", [](SplatAsset& a) { a.channels.erase(a.channels.begin() + 2); });
     refuses("'rho' appears twice", [](SplatAsset& a) { a.channels.push_back(a.channels[2]); });
     refuses("'extra' does not belong", [](SplatAsset& a) { a.channels[0].name = "extra"; });
