@@ -127,3 +127,19 @@ TEST_CASE("the GL renderer of the tools draws the reference image, top row first
     environment.type = LightType::kEnvironment;
     CHECK_FALSE((*renderer)->render(offCentre(), {{environment}}));
 }
+
+TEST_CASE("the GL renderer and the reference renderer of the tools agree on 2000 splats with the full s")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = randomAsset(2000, 25, 17, 0.08f);
+    const auto bytes = encodeAsset(asset);
+    REQUIRE(bytes);
+    const auto gl = makeGlRenderer(*bytes);
+    const auto reference = makeReferenceRenderer(asset);
+    REQUIRE(gl);
+    REQUIRE(reference);
+    const auto drawn = (*gl)->render(offCentre(), kMixedLights), expected = (*reference)->render(offCentre(), kMixedLights);
+    REQUIRE(drawn);
+    REQUIRE(expected);
+    CHECK(psnr(*drawn, *expected) > 60.0);
+}

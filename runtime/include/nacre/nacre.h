@@ -100,7 +100,9 @@ typedef struct NacreDrawDesc {
     int depthTest;              // 1: test splat centres against the bound depth buffer with the host's depth function; 0: no test
 } NacreDrawDesc;
 
-/// Draws into the bound draw framebuffer. Touched GL state is saved and restored (list in README, "Embedding").
+/// Draws into the bound draw framebuffer. Touched GL state is saved and restored (list in README, "Embedding"). Your viewport, scissor,
+/// stencil test and depth function apply; depth is never written. Cost follows change: with lights, camera and asset at rest only the
+/// splats are blended. In a half-float target splat colours stop at 65504, so that blending makes no infinities.
 NACRE_API NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc);
 
 /// CPU-side record of the last draw, for tests and profilers.
@@ -111,7 +113,7 @@ typedef struct NacreDrawStats {
     uint32_t viewPassesRun;       // 1 if the view-only contraction was re-evaluated
     uint32_t combinePassesRun;    // 1 if the final colours were re-evaluated
     uint32_t sorted;              // 1 if the splats were sorted again
-    double relightSeconds;        // CPU wall time of submission unless nacreSetProfiling(1), which inserts glFinish
+    double relightSeconds;        // CPU wall time of submission unless nacreContextSetProfiling(1), which inserts glFinish
     double sortSeconds;
     double rasterSeconds;
 } NacreDrawStats;

@@ -1,0 +1,110 @@
+/* The smallest host of the Nacre runtime: a headless GL context, one asset, one light, one picture.
+ *   hello_splat ASSET.glb OUT.ppm                                                                    */
+#define GL_GLEXT_PROTOTYPES
+#include <EGL/egl.h>
+#include <EGL/eglext.h>
+#include <GL/glcorearb.h>
+#include <nacre/nacre.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { kSize = 512 };
+static float pixels[kSize * kSize * 4];
+
+static void* getProcAddress(const char* name, void* user) { (void)user; return (void*)eglGetProcAddress(name); }
+static void printMessage(NacreSeverity severity, const char* text, void* user) { (void)severity, (void)user; fprintf(stderr, "nacre: %s\n", text); }
+static int fail(const char* text) { fprintf(stderr, "hello_splat: %s\n", text); return 1; }
+
+/* A GL 3.3 core context without a window. A game has its own. */
+static int makeContext(void)
+{
+    const EGLint attributes[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 3, EGL_NONE};
+    PFNEGLGETPLATFORMDISPLAYEXTPROC getDisplay = (PFNEGLGETPLATFORMDISPLAYEXTPROC)eglGetProcAddress("eglGetPlatformDisplayEXT");
+    EGLDisplay display = getDisplay ? getDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, NULL) : EGL_NO_DISPLAY;
+    if (!eglInitialize(display, NULL, NULL) || !eglBindAPI(EGL_OPENGL_API)) return 0;
+    EGLContext context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, attributes);
+    return eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context);
+}
+
+/* The linear float target that splats are drawn into. */
+static void makeTarget(void)
+{
+    GLuint framebuffer, color;
+    glGenFramebuffers(1, &framebuffer);
+    glGenRenderbuffers(1, &color);
+    glBindRenderbuffer(GL_RENDERBUFFER, color);
+    glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA16F, kSize, kSize);
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, color);
+    glViewport(0, 0, kSize, kSize);
+    glClear(GL_COLOR_BUFFER_BIT);
+}
+
+static void writePicture(FILE* out)
+{
+    fprintf(out, "P6 %d %d 255\n", kSize, kSize);
+    for (int y = kSize - 1; y >= 0; --y) /* GL rows run bottom to top */
+        for (int x = 0; x < kSize; ++x)
+            for (int c = 0; c < 3; ++c) fputc((int)(255.0f * powf(fminf(pixels[4 * (y * kSize + x) + c], 1.0f), 1 / 2.2f) + 0.5f), out);
+}
+
+int main(int argc, char** argv)
+{
+    if (argc != 3) return fail("usage: hello_splat ASSET.glb OUT.ppm");
+    FILE* in = fopen(argv[1], "rb");
+    if (!in) return fail("cannot open the asset");
+    fseek(in, 0, SEEK_END);
+    const size_t size = (size_t)ftell(in);
+    void* bytes = malloc(size);
+    rewind(in);
+    if (!bytes || fread(bytes, 1, size, in) != size) return fail("cannot read the asset");
+    fclose(in);
+
+    if (!makeContext()) return fail("no headless OpenGL 3.3 context");
+    makeTarget();
+
+    NacreContext context;
+    NacreAsset asset;
+    const NacreContextDesc contextDesc = {sizeof contextDesc, getProcAddress, NULL, printMessage, NULL};
+    if (nacreContextCreate(&contextDesc, &context) != NACRE_OK) return 1;
+    if (nacreAssetCreate(context, bytes, size, &asset) != NACRE_OK) return 1;
+    free(bytes);
+
+    /* Frame the asset: turn it +Y up, its centre at the origin, the camera at distance d on +Z. */
+    NacreAssetInfo info = {sizeof info};
+    if (nacreAssetGetInfo(asset, &info) != NACRE_OK) return 1;
+    const float x = info.yUpFromAsset[0], y = info.yUpFromAsset[1], z = info.yUpFromAsset[2], w = info.yUpFromAsset[3];
+    const float r[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
+                        2 * (y * z - w * x),     2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}; /* row-major */
+    NacreDrawDesc draw = {sizeof draw, .viewportWidth = kSize, .viewportHeight = kSize};
+    float diagonal2 = 0;
+    for (int i = 0; i < 3; ++i) {
+        const float extent = info.boundsMax[i] - info.boundsMin[i], centre = 0.5f * (info.boundsMax[i] + info.boundsMin[i]);
+        diagonal2 += extent * extent;
+        for (int row = 0; row < 3; ++row) {
+            draw.worldFromAsset[4 * i + row] = r[3 * row + i];
+            draw.worldFromAsset[12 + row] -= r[3 * row + i] * centre;
+        }
+        draw.viewFromWorld[5 * i] = 1;
+    }
+    const float d = 1.5f * sqrtf(diagonal2) + 0.02f, f = 2.4f; /* 45 degrees */
+    draw.worldFromAsset[15] = draw.viewFromWorld[15] = 1;
+    draw.viewFromWorld[14] = -d;
+    draw.clipFromView[0] = draw.clipFromView[5] = f;
+    draw.clipFromView[10] = draw.clipFromView[11] = -1; /* infinite far plane, near plane at 0.01 */
+    draw.clipFromView[14] = -0.02f;
+
+    const float i = 6 * d * d; /* irradiance I / r^2 of about 2 */
+    const NacreLight light = {NACRE_LIGHT_POINT, {d, d, d}, {i, i, i}, 0};
+    if (nacreAssetSetLights(asset, &light, 1) != NACRE_OK || nacreAssetDraw(asset, &draw) != NACRE_OK) return 1;
+    glReadPixels(0, 0, kSize, kSize, GL_RGBA, GL_FLOAT, pixels);
+    nacreAssetDestroy(asset);
+    nacreContextDestroy(context);
+
+    FILE* out = fopen(argv[2], "wb");
+    if (!out) return fail("cannot open the output");
+    writePicture(out);
+    return fclose(out) == 0 ? 0 : fail("cannot write the output");
+}
