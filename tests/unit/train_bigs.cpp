@@ -1,0 +1,323 @@
+// bigs: gradients in float64 against finite differences, properties of the evaluator, and the SIMD training kernels against both.
+#include "appearance/bigs/bigs_backward.h"
+#include "appearance/bigs/bigs_training.h"
+
+#include <doctest/doctest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <random>
+
+using namespace nacre;
+
+namespace {
+
+struct Coefficients {
+    std::vector<double> values; // tDir 25, tInd 75, rho 3, s
+    int sFunctions;
+    explicit Coefficients(int sFunctions) : values(103 + 3 * bigsPairCount(sFunctions)), sFunctions(sFunctions) {}
+    BigsCoefficients<double> view() const { return {&values[0], &values[25], &values[100], values.data() + 103, sFunctions}; }
+    BigsGradient<double> gradient() { return {&values[0], &values[25], &values[100], values.data() + 103}; }
+};
+
+void randomDirection(std::mt19937_64& rng, double* d)
+{
+    std::normal_distribution<double> n;
+    double length = 0;
+    for (int k = 0; k < 3; ++k) d[k] = n(rng), length += d[k] * d[k];
+    for (int k = 0; k < 3; ++k) d[k] /= std::sqrt(length);
+}
+
+// Values around the middle of the clamps, so that both sides occur.
+Coefficients randomCoefficients(std::mt19937_64& rng, int sFunctions)
+{
+    std::normal_distribution<double> n;
+    Coefficients g(sFunctions);
+    for (double& v : g.values) v = 0.3 * n(rng);
+    g.values[0] += 1.0;
+    for (int c = 0; c < 3; ++c) g.values[100 + c] = 0.4, g.values[25 + c] += 0.5;
+    return g;
+}
+
+struct Directions {
+    double yView[25], yLight[25];
+    Directions(std::mt19937_64& rng)
+    {
+        double d[3];
+        randomDirection(rng, d), shBasis(25, d[0], d[1], d[2], yView);
+        randomDirection(rng, d), shBasis(25, d[0], d[1], d[2], yLight);
+    }
+};
+
+} // namespace
+
+TEST_CASE("bigs gradient matches finite differences for every coefficient, with regularisers")
+{
+    std::mt19937_64 rng(3);
+    for (int sFunctions : {0, 1, 4, 9, 16, 25}) {
+        int checked = 0;
+        for (int trial = 0; trial < 4; ++trial) {
+            const Coefficients g = randomCoefficients(rng, sFunctions);
+            const Directions dir(rng);
+            const double weights[3] = {0.7, -0.4, 1.1}, positive = 0.3, energy = 0.2;
+            const auto loss = [&](const Coefficients& x) {
+                double a[75], sum = 0;
+                bigsContractView(x.view(), dir.yView, a);
+                const BigsTerms<double> t = bigsTerms(x.view(), a, dir.yLight);
+                const auto square = [](double v) { return v < 0 ? v * v : 0.0; };
+                sum += positive * square(t.direct);
+                for (int c = 0; c < 3; ++c) {
+                    const double excess = bigsScatteredEnergy(x.view(), dir.yLight, c) - 1;
+                    sum += weights[c] * bigsTransport(t, c) + positive * (square(t.scatter[c]) + square(t.indirect[c])) +
+                           energy * (excess > 0 ? excess * excess : 0.0);
+                }
+                return sum;
+            };
+            double a[75];
+            bigsContractView(g.view(), dir.yView, a);
+            const BigsTerms<double> t = bigsTerms(g.view(), a, dir.yLight);
+            BigsTerms<double> d{};
+            bigsTransportBackward(t, weights, false, d);
+            bigsPositiveBackward(t, positive, d);
+            Coefficients gradient(sFunctions);
+            BigsGradient<double> out = gradient.gradient();
+            bigsTermsBackward(sFunctions, dir.yView, dir.yLight, d, out);
+            bigsEnergyBackward(g.view(), dir.yLight, energy, out);
+            for (size_t k = 0; k < g.values.size(); ++k) {
+                Coefficients lo = g, hi = g;
+                lo.values[k] -= 1e-6, hi.values[k] += 1e-6;
+                CHECK(gradient.values[k] == doctest::Approx((loss(hi) - loss(lo)) / 2e-6).epsilon(1e-6).scale(1.0));
+                checked += gradient.values[k] != 0;
+            }
+        }
+        CHECK(checked > 50);
+    }
+}
+
+TEST_CASE("the leaky clamp lets descent raise a negative value and nothing else")
+{
+    BigsTerms<double> t{-0.1, {0.2, -0.3, 0.4}, {-0.2, 0.1, -0.1}}, d{};
+    const double up[3] = {-1, -1, -1}, down[3] = {1, 1, 1};
+    bigsTransportBackward(t, up, true, d);
+    CHECK(d.direct < 0);
+    CHECK(d.indirect[0] < 0);
+    d = {};
+    bigsTransportBackward(t, down, true, d);
+    CHECK(d.direct == 0);
+    CHECK(d.indirect[0] == 0);
+    CHECK(d.indirect[1] == 1);
+    d = {};
+    bigsTransportBackward(t, up, false, d);
+    CHECK(d.direct == 0);
+}
+
+TEST_CASE("s is reciprocal: swapping light and view changes nothing")
+{
+    std::mt19937_64 rng(5);
+    for (int trial = 0; trial < 20; ++trial) {
+        const Coefficients g = randomCoefficients(rng, 25);
+        const Directions dir(rng);
+        double aView[75], aLight[75];
+        bigsContractView(g.view(), dir.yView, aView);
+        bigsContractView(g.view(), dir.yLight, aLight);
+        for (int c = 0; c < 3; ++c) {
+            double forward = 0, backward = 0;
+            for (int i = 0; i < 25; ++i) forward += aView[3 * i + c] * dir.yLight[i], backward += aLight[3 * i + c] * dir.yView[i];
+            CHECK(forward == doctest::Approx(backward).epsilon(1e-12));
+        }
+    }
+}
+
+TEST_CASE("fewer functions of s are a prefix of more")
+{
+    std::mt19937_64 rng(6);
+    Coefficients full = randomCoefficients(rng, 25), small(9);
+    for (size_t k = 103 + 3 * bigsPairCount(9); k < full.values.size(); ++k) full.values[k] = 0;
+    std::copy(full.values.begin(), full.values.begin() + small.values.size(), small.values.begin());
+    const Directions dir(rng);
+    double a[75], b[75];
+    bigsContractView(full.view(), dir.yView, a);
+    bigsContractView(small.view(), dir.yView, b);
+    const BigsTerms<double> x = bigsTerms(full.view(), a, dir.yLight), y = bigsTerms(small.view(), b, dir.yLight);
+    for (int c = 0; c < 3; ++c) CHECK(x.scatter[c] == doctest::Approx(y.scatter[c]).epsilon(1e-12));
+}
+
+namespace {
+
+// A few splats, some invisible, two point lights and a directional one.
+struct Scene {
+    static constexpr size_t kCount = 37;
+    BigsParameters parameters;
+    std::vector<GaussianGeometry<float>> geometry{kCount};
+    std::vector<uint32_t> visibleFromSplat;
+    size_t visible = 0;
+    LitView lit;
+    BigsBands bands;
+
+    explicit Scene(int sFunctions, uint64_t seed = 12)
+    {
+        std::mt19937_64 rng(seed);
+        std::uniform_real_distribution<float> u(-1, 1);
+        parameters.sFunctions = sFunctions;
+        parameters.resize(kCount);
+        for (size_t i = 0; i < kCount; ++i) {
+            const Coefficients g = randomCoefficients(rng, sFunctions);
+            for (size_t k = 0; k < g.values.size(); ++k) parameters.value[parameters.index(i, int(k))] = float(g.values[k]);
+            for (float& p : geometry[i].position) p = u(rng);
+            visibleFromSplat.push_back(i % 5 == 3 ? ~0u : uint32_t(visible++));
+        }
+        lit.eye[0] = 0.5f, lit.eye[1] = -3, lit.eye[2] = 1;
+        lit.lightCount = 3;
+        lit.lights[0].position = {2, 3, 4}, lit.lights[0].intensity = {20, 30, 25};
+        lit.lights[1].position = geometry[0].position[0] + glm::vec3(0), lit.lights[1].radius = 0.5f; // may lie inside its radius
+        lit.lights[2].type = LightType::kDirectional, lit.lights[2].directionToLight = glm::normalize(glm::vec3(1, -1, 0.5f));
+        bands.scatter = sFunctions;
+    }
+    Coefficients coefficients(size_t i) const
+    {
+        Coefficients g(parameters.sFunctions);
+        for (size_t k = 0; k < g.values.size(); ++k) g.values[k] = parameters.value[parameters.index(i, int(k))];
+        return g;
+    }
+    double falloff(size_t i, int l, double* yLight) const
+    {
+        const Light& light = lit.lights[l];
+        double p[3], q[3];
+        for (int k = 0; k < 3; ++k) p[k] = geometry[i].position[k], q[k] = light.position[k];
+        LightSample<double> s = samplePointLight(q, double(light.radius), p);
+        if (light.type == LightType::kDirectional) {
+            for (int k = 0; k < 3; ++k) s.dir[k] = light.directionToLight[k];
+            s.falloff = 1;
+        }
+        shBasis(25, s.dir[0], s.dir[1], s.dir[2], yLight);
+        return s.falloff;
+    }
+    void viewBasis(size_t i, double* yView) const
+    {
+        double p[3], e[3];
+        for (int k = 0; k < 3; ++k) p[k] = geometry[i].position[k], e[k] = lit.eye[k];
+        const LightSample<double> s = samplePointLight(e, 0.0, p);
+        shBasis(25, s.dir[0], s.dir[1], s.dir[2], yView);
+    }
+    VisibleView view() const { return {geometry, visibleFromSplat, visible}; }
+};
+
+} // namespace
+
+TEST_CASE("SIMD forward equals the scalar evaluator")
+{
+    for (int sFunctions : {0, 9, 25}) {
+        Scene scene(sFunctions);
+        std::vector<float> colors(scene.visible * 16), terms(scene.visible * kBigsTermStride);
+        bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, colors.data(), terms.data());
+        for (size_t i = 0; i < Scene::kCount; ++i) {
+            if (scene.visibleFromSplat[i] == ~0u) continue;
+            const Coefficients g = scene.coefficients(i);
+            double yView[25], yLight[25], a[75];
+            scene.viewBasis(i, yView);
+            bigsContractView(g.view(), yView, a);
+            for (int l = 0; l < 3; ++l) {
+                const double falloff = scene.falloff(i, l, yLight);
+                const BigsTerms<double> t = bigsTerms(g.view(), a, yLight);
+                for (int c = 0; c < 3; ++c) {
+                    const double expected = scene.lit.lights[l].intensity[c] * falloff * bigsTransport(t, c);
+                    const double bound = scene.lit.lights[l].intensity[c] * falloff;
+                    CAPTURE(i);
+                    CHECK(std::abs(colors[scene.visibleFromSplat[i] * 16 + 3 * l + c] - expected) < 2e-5 * (bound + std::abs(expected))); // f32 sums of up to 650 terms
+                }
+            }
+        }
+    }
+}
+
+TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam done one by one")
+{
+    for (int sFunctions : {0, 4, 25}) {
+        Scene scene(sFunctions);
+        const Scene before(sFunctions);
+        std::mt19937_64 rng(8);
+        std::uniform_real_distribution<float> u(-1, 1);
+        std::vector<float> colors(scene.visible * 16), terms(scene.visible * kBigsTermStride), dColors(scene.visible * 16);
+        std::vector<uint8_t> active(scene.visible, 1);
+        active[4] = 0;
+        for (float& d : dColors) d = u(rng);
+        BigsUpdate update;
+        for (float& r : update.rate) r = 0.01f;
+        update.positiveWeight = 0.02f, update.energyWeight = 0.03f;
+        update.randomLight[0] = 0.6f, update.randomLight[1] = 0, update.randomLight[2] = 0.8f;
+        bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, colors.data(), terms.data());
+        bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, active.data(), dColors.data(), terms.data(), update);
+
+        for (size_t i = 0; i < Scene::kCount; ++i) {
+            CAPTURE(i);
+            const Coefficients g = before.coefficients(i), after = scene.coefficients(i);
+            const uint32_t v = scene.visibleFromSplat[i];
+            if (v == ~0u || !active[v]) {
+                CHECK(g.values == after.values);
+                continue;
+            }
+            Coefficients gradient(sFunctions);
+            BigsGradient<double> out = gradient.gradient();
+            double yView[25], yLight[25], a[75];
+            scene.viewBasis(i, yView);
+            bigsContractView(g.view(), yView, a);
+            for (int l = 0; l < 4; ++l) { // the fourth is the random direction, regularised only
+                double dTransport[3] = {0, 0, 0};
+                if (l < 3) {
+                    const double falloff = scene.falloff(i, l, yLight);
+                    for (int c = 0; c < 3; ++c) dTransport[c] = dColors[v * 16 + 3 * l + c] * falloff * scene.lit.lights[l].intensity[c];
+                } else {
+                    shBasis(25, double(update.randomLight[0]), double(update.randomLight[1]), double(update.randomLight[2]), yLight);
+                }
+                const BigsTerms<double> t = bigsTerms(g.view(), a, yLight);
+                BigsTerms<double> d{};
+                bigsTransportBackward(t, dTransport, true, d);
+                bigsPositiveBackward(t, double(update.positiveWeight), d);
+                bigsTermsBackward(sFunctions, yView, yLight, d, out);
+                bigsEnergyBackward(g.view(), yLight, double(update.energyWeight), out);
+            }
+            // First Adam step: momentum / correction = gradient, second moment / correction = mean square of the group (of the image
+            // gradient and L+ for s: the energy term is left out of the group's scale).
+            const auto checkGroup = [&](size_t first, size_t count, const std::vector<double>& scaleGradient) {
+                double square = 0;
+                for (size_t k = first; k < first + count; ++k) square += scaleGradient[k] * scaleGradient[k];
+                const double root = std::sqrt(square / double(count));
+                for (size_t k = first; k < first + count; ++k) {
+                    double expected = g.values[k] - 0.01 * (root > 0 ? gradient.values[k] / root : 0);
+                    if (k >= 100 && k < 103) expected = std::clamp(expected, 0.0, 1.0);
+                    CHECK(after.values[k] == doctest::Approx(expected).epsilon(1e-4).scale(1.0)); // f32 gradient over its f32 norm
+                }
+            };
+            checkGroup(0, 25, gradient.values);
+            checkGroup(25, 75, gradient.values);
+            checkGroup(100, 3, gradient.values);
+            std::vector<double> withoutEnergy = gradient.values;
+            Coefficients energyOnly(sFunctions);
+            BigsGradient<double> energyOut = energyOnly.gradient();
+            for (int l = 0; l < 4; ++l) {
+                if (l < 3) scene.falloff(i, l, yLight);
+                else shBasis(25, 0.6, 0.0, 0.8, yLight);
+                bigsEnergyBackward(g.view(), yLight, double(update.energyWeight), energyOut);
+            }
+            for (size_t k = 0; k < withoutEnergy.size(); ++k) withoutEnergy[k] -= energyOnly.values[k];
+            for (int degree = 0; degree * degree < sFunctions; ++degree) {
+                const size_t first = 103 + 3 * bigsPairCount(degree * degree), last = 103 + 3 * bigsPairCount((degree + 1) * (degree + 1));
+                checkGroup(first, last - first, withoutEnergy);
+            }
+        }
+    }
+}
+
+TEST_CASE("resize after a shrink hands out clean splats; permute keeps rows whole")
+{
+    Scene scene(4);
+    BigsParameters& p = scene.parameters;
+    std::vector<uint32_t> order(Scene::kCount);
+    for (size_t i = 0; i < order.size(); ++i) order[i] = uint32_t(order.size() - 1 - i);
+    const Coefficients last = scene.coefficients(Scene::kCount - 1);
+    p.permute(order);
+    CHECK(scene.coefficients(0).values == last.values);
+    p.resize(20);
+    p.resize(37);
+    for (double v : scene.coefficients(25).values) CHECK(v == 0.0);
+}

@@ -1,0 +1,112 @@
+// The image loss: exact values, gradient against finite differences, and the SSIM part against the metric.
+#include "base/color.h"
+#include "eval/metrics.h"
+#include "train/loss.h"
+
+#include <doctest/doctest.h>
+
+#include <random>
+
+using namespace nacre;
+
+namespace {
+
+Image randomImage(int width, int height, uint64_t seed, float alpha)
+{
+    std::mt19937_64 rng(seed);
+    std::uniform_real_distribution<float> u(0, 1);
+    Image image{width, height, std::vector<float>(size_t(4) * width * height)};
+    for (size_t i = 0; i < image.rgba.size(); ++i) image.rgba[i] = i % 4 == 3 ? alpha : u(rng) * u(rng);
+    return image;
+}
+
+std::vector<float> planesOf(const std::vector<Image>& images, float alpha)
+{
+    const size_t pixels = size_t(images[0].width) * images[0].height;
+    std::vector<float> planes(pixels * (3 * images.size() + 1), alpha);
+    for (size_t k = 0; k < images.size(); ++k)
+        for (size_t i = 0; i < pixels; ++i)
+            for (int c = 0; c < 3; ++c) planes[(3 * k + c) * pixels + i] = images[k].rgba[4 * i + c];
+    return planes;
+}
+
+} // namespace
+
+TEST_CASE("L1 loss and errors equal their definition, also for widths that do not fill a vector")
+{
+    for (auto [w, h] : {std::pair{16, 8}, {13, 7}, {3, 2}}) {
+        const std::vector<Image> render = {randomImage(w, h, 1, 1), randomImage(w, h, 2, 1)};
+        const Image ref[2] = {randomImage(w, h, 3, 1), randomImage(w, h, 4, 0.2f)};
+        const PreparedImage prepared[2] = {prepareImage(ref[0]), prepareImage(ref[1])};
+        const PreparedImage* references[2] = {&prepared[0], &prepared[1]};
+        const std::vector<float> planes = planesOf(render, 0.75f);
+        std::vector<float> gradient(planes.size());
+        const LossStats stats = ImageLoss().evaluate(planes.data(), references, 2, {0.0f, 0.5f}, gradient.data());
+        double absolute = 0, squared = 0, masked = 0;
+        for (int k = 0; k < 2; ++k)
+            for (size_t i = 0; i < render[k].rgba.size(); ++i) {
+                if (i % 4 == 3) continue;
+                const double d = srgbFromLinear(double(render[k].rgba[i])) - srgbFromLinear(double(ref[k].rgba[i]));
+                absolute += std::abs(d), squared += d * d;
+                if (k == 0) masked += d * d;
+            }
+        const double count = 6.0 * w * h;
+        CHECK(stats.count == count);
+        CHECK(stats.loss == doctest::Approx(absolute / count + 0.5 * 0.25).epsilon(2e-5)); // 16-bit references
+        CHECK(stats.squaredError == doctest::Approx(squared).epsilon(1e-4));
+        CHECK(stats.squaredErrorMasked == doctest::Approx(masked).epsilon(1e-4));
+        CHECK(stats.countMasked == count / 2);
+    }
+}
+
+TEST_CASE("loss gradient matches finite differences, with and without SSIM")
+{
+    const int w = 19, h = 14;
+    std::vector<Image> render = {randomImage(w, h, 5, 1)};
+    const Image ref = randomImage(w, h, 6, 1);
+    const PreparedImage prepared = prepareImage(ref);
+    const PreparedImage* references[1] = {&prepared};
+    std::vector<float> planes = planesOf(render, 0.6f), gradient(planes.size()), unused(planes.size());
+    for (float dssim : {0.0f, 0.2f, 1.0f}) {
+        ImageLoss loss;
+        const LossOptions options{dssim, 0.1f};
+        loss.evaluate(planes.data(), references, 1, options, gradient.data());
+        double scale = 0;
+        for (float g : gradient) scale = std::max(scale, double(std::abs(g)));
+        for (size_t i = 0; i < planes.size(); i += 7) {
+            const float x = planes[i], step = 2e-3f * (x + 0.05f);
+            planes[i] = x + step;
+            const double hi = loss.evaluate(planes.data(), references, 1, options, unused.data()).loss;
+            planes[i] = x - step;
+            const double lo = loss.evaluate(planes.data(), references, 1, options, unused.data()).loss;
+            planes[i] = x;
+            CAPTURE(dssim);
+            CAPTURE(i);
+            CHECK(std::abs((hi - lo) / (2 * step) - gradient[i]) < 0.02 * std::abs(gradient[i]) + 0.01 * scale); // f32 loss, finite step
+        }
+    }
+}
+
+TEST_CASE("1 - SSIM of the loss is the metric's SSIM")
+{
+    const Image a = randomImage(40, 33, 7, 1), b = randomImage(40, 33, 8, 1);
+    const PreparedImage prepared = prepareImage(b);
+    const PreparedImage* references[1] = {&prepared};
+    std::vector<float> planes = planesOf({a}, 1.0f), gradient(planes.size());
+    const double loss = ImageLoss().evaluate(planes.data(), references, 1, {1.0f, 0.0f}, gradient.data()).loss;
+    CHECK(1 - loss == doctest::Approx(compareImages(a, b).ssim).epsilon(1e-3).scale(1.0));
+}
+
+TEST_CASE("a render above white feels the pull towards a darker reference and none towards white")
+{
+    Image render = randomImage(4, 4, 1, 1), gray = render, white = render;
+    for (size_t i = 0; i < render.rgba.size(); ++i)
+        if (i % 4 != 3) render.rgba[i] = 50.0f, gray.rgba[i] = 0.5f, white.rgba[i] = 3.0f;
+    std::vector<float> planes = planesOf({render}, 1.0f), gradient(planes.size());
+    for (const auto& [reference, pulls] : {std::pair{gray, true}, {white, false}}) {
+        const PreparedImage prepared = prepareImage(reference);
+        const PreparedImage* references[1] = {&prepared};
+        ImageLoss().evaluate(planes.data(), references, 1, {}, gradient.data());
+        CHECK((gradient[5] > 0) == pulls);
+    }
+}
