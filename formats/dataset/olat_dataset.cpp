@@ -29,7 +29,6 @@ constexpr Loader kLoaders[] = { // the first that recognises its marks wins
 };
 
 constexpr size_t kMaxJsonBytes = size_t(1) << 28; // the largest published set needs about 20 MB
-constexpr size_t kMaxLightFolders = 100000;
 
 std::string extensionOf(const std::string& path)
 {
@@ -45,8 +44,9 @@ Status addDescription(DatasetSource& source, const std::string& folder, const st
     if (!text) return text.error();
     const Result<JsonDocument> json = JsonDocument::parse(*text, path);
     if (!json) return json.error();
-    const size_t prefix = std::string("transforms_").size();
-    source.descriptions.push_back({folder, fileName.substr(prefix, fileName.size() - prefix - 5), *json});
+    std::string split = fs::path(fileName).stem().string();
+    if (split.starts_with("transforms_")) split.erase(0, std::string("transforms_").size());
+    source.descriptions.push_back({folder, split, *json});
     return ok();
 }
 
@@ -56,40 +56,55 @@ std::tuple<int, std::string> splitOrder(const std::string& fileName)
     return {fileName == "transforms_train.json" ? 0 : fileName == "transforms_test.json" ? 1 : 2, fileName};
 }
 
-Result<DatasetSource> readSource(const std::string& path)
+struct Listing {
+    std::vector<std::string> files;                        // transforms_*.json
+    std::vector<std::pair<int, std::string>> lightFolders; // olat_<i>, by number
+};
+
+Result<Listing> listFolder(const std::string& path)
 {
+    Listing out;
     std::error_code ec;
     if (!fs::is_directory(path, ec))
         return Error{ErrorCode::kBadInput, inQuotes(path) + " is not a folder; expected a dataset with transforms_*.json or olat_*/"};
-    std::vector<std::string> files;
-    std::vector<std::pair<int, std::string>> lightFolders; // olat_<i>, by number
     for (fs::directory_iterator it(path, ec), end; !ec && it != end; it.increment(ec)) {
         const std::string name = it->path().filename().string();
-        if (name.starts_with("transforms_") && name.ends_with(".json")) files.push_back(name);
+        if (name.starts_with("transforms_") && name.ends_with(".json")) out.files.push_back(name);
+        if (!name.starts_with("olat_")) continue;
         int light = 0;
-        if (name.starts_with("olat_") &&
-            std::from_chars(name.data() + 5, name.data() + name.size(), light).ptr == name.data() + name.size() && name.size() > 5)
-            lightFolders.emplace_back(light, name);
+        const auto [last, status] = std::from_chars(name.data() + 5, name.data() + name.size(), light);
+        if (status == std::errc() && last == name.data() + name.size()) out.lightFolders.emplace_back(light, name);
     }
     if (ec) return Error{ErrorCode::kBadInput, inQuotes(path) + ": cannot list the folder: " + ec.message()};
-    std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return splitOrder(a) < splitOrder(b); });
-    std::sort(lightFolders.begin(), lightFolders.end());
-    if (lightFolders.size() > kMaxLightFolders)
-        return Error{ErrorCode::kBadInput, inQuotes(path) + ": " + std::to_string(lightFolders.size()) + " olat_* folders, expected at most 100000"};
+    std::sort(out.files.begin(), out.files.end(), [](const auto& a, const auto& b) { return splitOrder(a) < splitOrder(b); });
+    std::sort(out.lightFolders.begin(), out.lightFolders.end());
+    return out;
+}
 
+/// `path` is the folder, or one description file of it: then that is the only split.
+Result<DatasetSource> readSource(const std::string& path)
+{
+    std::error_code ec;
     DatasetSource source;
     source.path = path;
     source.fileExists = [](const std::string& p) { std::error_code e; return fs::is_regular_file(p, e); };
     source.readImageSize = [](const std::string& p) { return extensionOf(p) == ".exr" ? readExrSize(p) : readPngSize(p); };
-    for (const std::string& file : files)
-        if (Status s = addDescription(source, "", file); !s) return s.error();
-    if (files.empty())
-        for (const auto& [light, folder] : lightFolders)
-            if (Status s = addDescription(source, folder, "transforms_train.json"); !s) return s.error();
+    if (extensionOf(path) == ".json" && fs::is_regular_file(path, ec)) {
+        source.path = fs::path(path).parent_path().string();
+        if (Status s = addDescription(source, "", fs::path(path).filename().string()); !s) return s.error();
+    } else {
+        const Result<Listing> listing = listFolder(path);
+        if (!listing) return listing.error();
+        for (const std::string& file : listing->files)
+            if (Status s = addDescription(source, "", file); !s) return s.error();
+        if (listing->files.empty())
+            for (const auto& [light, folder] : listing->lightFolders)
+                if (Status s = addDescription(source, folder, "transforms_train.json"); !s) return s.error();
+    }
     if (source.descriptions.empty())
         return Error{ErrorCode::kBadInput, inQuotes(path) + ": no transforms_<split>.json and no olat_<i> folders; not a dataset folder"};
 
-    const std::string excludePath = (fs::path(path) / "exclude_list.txt").string();
+    const std::string excludePath = (fs::path(source.path) / "exclude_list.txt").string();
     if (fs::is_regular_file(excludePath, ec)) {
         const Result<std::vector<std::byte>> text = readFile(excludePath, kMaxJsonBytes);
         if (!text) return text.error();

@@ -43,6 +43,12 @@ TEST_CASE("cache stays within its budget and keeps the most recently used images
     for (size_t i = 0; i < 6; i++) std::filesystem::remove(folder.file(std::to_string(i) + ".exr"));
     CHECK(!cache.load(dataset.splits[0], 2)); // evicted
     for (size_t i = 3; i < 6; i++) CHECK(cache.load(dataset.splits[0], i));
+
+    REQUIRE(writeExr(Image{kSize, kSize, std::vector<float>(kSize * kSize * 4)}, dataset.splits[0].images[0].path));
+    CHECK(cache.load(dataset.splits[0], 3)); // the oldest is used again, so 4 has to go for 0
+    CHECK(cache.load(dataset.splits[0], 0));
+    CHECK(cache.load(dataset.splits[0], 3));
+    CHECK(!cache.load(dataset.splits[0], 4));
 }
 
 TEST_CASE("an image above the whole budget is handed out but not kept")

@@ -261,6 +261,10 @@ TEST_CASE("a dict of frames, directional lights and environment maps load")
     if (!dataset) FAIL(dataset.error().message);
     const OlatSplit& split = dataset->splits[0];
     CHECK(split.name == "any name");
+    Result<OlatDataset> oneFile = loadDataset(folder.file("transforms_any name.json"));
+    REQUIRE(oneFile);
+    REQUIRE(oneFile->splits.size() == 1);
+    CHECK(oneFile->splits[0].images[0].path == split.images[0].path);
     REQUIRE(split.images.size() == 2);
     CHECK(split.images[0].light.type == LightType::kDirectional);
     CHECK(split.images[0].light.directionToLight == glm::vec3(0, 0.6f, 0.8f));
