@@ -128,6 +128,7 @@ keys bake.json 2 model splats iterations seconds device seed psnr_train peak_rss
 grep -q '"iterations": 60,' bake.json || fail "bake.json does not say 60 iterations"
 only one a.glb
 expect 0 "" "${bake[@]}" -o two/a.glb --iterations 60 --threads 2 --json bake2.json
+expect 0 "" "$nacre" bake "$sample" -o two/default.glb --iterations 3 --json bake2.json # the sizes that --quality gives
 cmp one/a.glb two/a.glb || fail "1 and 2 threads give different assets"
 expect 0 "" "${bake[@]}" -o two/b.glb --iterations 60 --seed 2
 cmp -s one/a.glb two/b.glb && fail "another seed gives the same asset"
