@@ -13,6 +13,7 @@
 #include <hwy/highway.h>
 
 #include "render/raster.h"
+#include "render/simd_math-inl.h"
 
 #include <cmath>
 #include <cstring>
@@ -104,23 +105,6 @@ constexpr size_t kLanes = hn::MaxLanes(D());
 using D8 = hn::CappedTag<float, 8>;
 constexpr size_t kLanes8 = hn::MaxLanes(D8());
 
-// 2^x for x >= -126, relative error 2e-7: degree-6 expansion around the nearest integer.
-HWY_INLINE V exp2(V x)
-{
-    const D d;
-    const hn::RebindToSigned<D> di;
-    const V n = hn::Round(x), f = hn::Sub(x, n);
-    V p = hn::Set(d, 1.5403530e-4f);
-    p = hn::MulAdd(p, f, hn::Set(d, 1.3333558e-3f));
-    p = hn::MulAdd(p, f, hn::Set(d, 9.6181291e-3f));
-    p = hn::MulAdd(p, f, hn::Set(d, 5.5504109e-2f));
-    p = hn::MulAdd(p, f, hn::Set(d, 2.4022651e-1f));
-    p = hn::MulAdd(p, f, hn::Set(d, 6.9314718e-1f));
-    p = hn::MulAdd(p, f, hn::Set(d, 1.0f));
-    const auto bits = hn::ShiftLeft<23>(hn::Add(hn::ConvertTo(di, n), hn::Set(di, 127)));
-    return hn::Mul(p, hn::BitCast(d, bits));
-}
-
 struct Alpha {
     V alpha;
     hn::Mask<D> on;     // reaches kMinAlpha on a pixel that still transmits
@@ -138,7 +122,7 @@ HWY_INLINE Alpha splatAlpha(const TileSplat& s, V px, V py, V transmittance)
     Alpha r;
     r.on = hn::And(hn::Ge(power, hn::Set(d, -7.99435344f /* log2 kMinAlpha */)),
                    hn::Ge(transmittance, hn::Set(d, kMinTransmittance)));
-    const V raw = exp2(hn::Max(power, hn::Set(d, -126.0f)));
+    const V raw = exp2(D(), hn::Max(power, hn::Set(d, -126.0f)));
     r.capped = hn::Ge(raw, cap);
     r.alpha = hn::Min(raw, cap);
     return r;

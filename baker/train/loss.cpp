@@ -7,6 +7,7 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "render/simd_math-inl.h"
 #include "train/loss.h"
 
 #include <cmath>
@@ -52,42 +53,6 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 
-// log2 of a positive normal number, absolute error 2e-7: atanh series around the nearest power of two.
-HWY_INLINE V log2(V x)
-{
-    const D d;
-    const hn::RebindToSigned<D> di;
-    const auto bits = hn::BitCast(di, x);
-    auto exponent = hn::Sub(hn::ShiftRight<23>(bits), hn::Set(di, 127));
-    auto mantissa = hn::BitCast(d, hn::Or(hn::And(bits, hn::Set(di, 0x007fffff)), hn::Set(di, 0x3f800000)));
-    const auto big = hn::Gt(mantissa, hn::Set(d, 1.41421356f));
-    mantissa = hn::IfThenElse(big, hn::Mul(mantissa, hn::Set(d, 0.5f)), mantissa);
-    const V e = hn::Add(hn::ConvertTo(d, exponent), hn::IfThenElseZero(big, hn::Set(d, 1.0f)));
-    const V s = hn::Div(hn::Sub(mantissa, hn::Set(d, 1.0f)), hn::Add(mantissa, hn::Set(d, 1.0f)));
-    const V s2 = hn::Mul(s, s);
-    V p = hn::Set(d, 1.0f / 9);
-    p = hn::MulAdd(p, s2, hn::Set(d, 1.0f / 7));
-    p = hn::MulAdd(p, s2, hn::Set(d, 1.0f / 5));
-    p = hn::MulAdd(p, s2, hn::Set(d, 1.0f / 3));
-    p = hn::MulAdd(p, s2, hn::Set(d, 1.0f));
-    return hn::MulAdd(hn::Mul(p, s), hn::Set(d, 2.88539008f), e);
-}
-
-HWY_INLINE V exp2(V x)
-{
-    const D d;
-    const hn::RebindToSigned<D> di;
-    const V n = hn::Round(x), f = hn::Sub(x, n);
-    V p = hn::Set(d, 1.5403530e-4f);
-    p = hn::MulAdd(p, f, hn::Set(d, 1.3333558e-3f));
-    p = hn::MulAdd(p, f, hn::Set(d, 9.6181291e-3f));
-    p = hn::MulAdd(p, f, hn::Set(d, 5.5504109e-2f));
-    p = hn::MulAdd(p, f, hn::Set(d, 2.4022651e-1f));
-    p = hn::MulAdd(p, f, hn::Set(d, 6.9314718e-1f));
-    p = hn::MulAdd(p, f, hn::Set(d, 1.0f));
-    return hn::Mul(p, hn::BitCast(d, hn::ShiftLeft<23>(hn::Add(hn::ConvertTo(di, n), hn::Set(di, 127)))));
-}
-
 void lossRow(const RowTask& t, RowSums& sums)
 {
     const D d;
@@ -115,7 +80,7 @@ void lossRow(const RowTask& t, RowSums& sums)
 
         // sRGB: 12.92 x below 0.0031308, else 1.055 x^(1/2.4) - 0.055
         const V safe = hn::Max(linear, hn::Set(d, 0.0031308f));
-        const V power = hn::Mul(hn::Set(d, 1.055f), exp2(hn::Mul(log2(safe), hn::Set(d, 1.0f / 2.4f))));
+        const V power = hn::Mul(hn::Set(d, 1.055f), exp2(d, hn::Mul(log2(d, safe), hn::Set(d, 1.0f / 2.4f))));
         const auto low = hn::Le(linear, hn::Set(d, 0.0031308f));
         const V value = hn::IfThenElse(low, hn::Mul(linear, hn::Set(d, 12.92f)), hn::Sub(power, hn::Set(d, 0.055f)));
         const V slope = hn::IfThenElse(low, hn::Set(d, 12.92f), hn::Div(power, hn::Mul(safe, hn::Set(d, 2.4f))));
