@@ -41,8 +41,11 @@ Failure checkSize(const char* type, size_t found, size_t expected)
 Failure checkLight(const NacreLight& light, size_t index)
 {
     const std::string which = "light " + std::to_string(index) + ": ";
-    if (light.type != NACRE_LIGHT_POINT && light.type != NACRE_LIGHT_DIRECTIONAL)
-        return invalid(which + "unknown type " + std::to_string(int(light.type)));
+    int type = 0; // a C host can store any int in the enum, and C++ must not read such a value as one
+    static_assert(sizeof type == sizeof light.type);
+    std::memcpy(&type, &light.type, sizeof type);
+    if (type != NACRE_LIGHT_POINT && type != NACRE_LIGHT_DIRECTIONAL)
+        return invalid(which + "unknown type " + std::to_string(type));
     constexpr float kFarthest = 1e15f; // so that squared distances stay finite in float
     double length2 = 0;
     for (int c = 0; c < 3; ++c) {

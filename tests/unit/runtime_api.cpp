@@ -484,7 +484,8 @@ TEST_CASE("numbers that are not finite and matrices that are not what they shoul
         CHECK_MESSAGE(host.lastMessage().find(word) != std::string::npos, host.lastMessage());
         CHECK(host.lastMessage().find("light 1") != std::string::npos);
     };
-    badLight([](NacreLight& l) { l.type = NacreLightType(7); }, "type");
+    const int unknown = 7;
+    badLight([&](NacreLight& l) { std::memcpy(&l.type, &unknown, sizeof unknown); }, "type");
     badLight([](NacreLight& l) { l.vector[1] = NAN; }, "vector");
     badLight([](NacreLight& l) { l.intensity[2] = -1; }, "intensity");
     badLight([](NacreLight& l) { l.intensity[2] = INFINITY; }, "intensity");

@@ -46,7 +46,7 @@ TEST_CASE("a random cloud of 2000 splats matches the reference image")
     Host host(asset);
     const Image expected = referenceImage(asset, offCentre(), kMixedLights), drawn = host.draw(offCentre(), kMixedLights);
     CHECK(largest(expected) > 0.3f);
-    CHECK(psnr(drawn, expected) > 60.0); // measured 90: alpha cuts and depth ties may flip in f32
+    CHECK(psnr(drawn, expected) > 80.0); // f32; a flipped alpha cut costs 1/255 in a few pixels
 }
 
 TEST_CASE("the sum of single-light images is the image with all lights")
@@ -105,7 +105,7 @@ TEST_CASE("a moved, turned and scaled asset is lit and seen as in its own frame"
     glm::dmat4 worldFromView = glm::dmat4(rotation) * glm::dmat4(glm::dmat3(offCentre().worldFromCamera));
     worldFromView[3] = worldFromAsset * offCentre().worldFromCamera[3];
     copy(desc.viewFromWorld, glm::inverse(worldFromView));
-    CHECK(psnr(host.draw(offCentre(), desc), expected) > 60.0); // near plane and rounding differ
+    CHECK(psnr(host.draw(offCentre(), desc), expected) > 80.0); // f32 matrices in another frame
 }
 
 TEST_CASE("the GL renderer of the tools draws the reference image, top row first, and times it")
@@ -131,7 +131,9 @@ TEST_CASE("the GL renderer of the tools draws the reference image, top row first
 TEST_CASE("the GL renderer and the reference renderer of the tools agree on 2000 splats with the full s")
 {
     if (!haveGl()) return;
-    const SplatAsset asset = randomAsset(2000, 25, 17, 0.08f);
+    SplatAsset asset = randomAsset(2000, 25, 17, 0.08f);
+    for (Channel& channel : asset.channels)
+        for (float& v : channel.values) v *= 0.9997f; // values that half floats cannot hold, as a bake makes them
     const auto bytes = encodeAsset(asset);
     REQUIRE(bytes);
     const auto gl = makeGlRenderer(*bytes);
@@ -141,5 +143,5 @@ TEST_CASE("the GL renderer and the reference renderer of the tools agree on 2000
     const auto drawn = (*gl)->render(offCentre(), kMixedLights), expected = (*reference)->render(offCentre(), kMixedLights);
     REQUIRE(drawn);
     REQUIRE(expected);
-    CHECK(psnr(*drawn, *expected) > 60.0);
+    CHECK(psnr(*drawn, *expected) > 60.0); // half floats: relative 2^-11 per coefficient
 }
