@@ -209,7 +209,7 @@ TEST_CASE("SIMD forward equals the scalar evaluator")
     for (int sFunctions : {0, 9, 25}) {
         Scene scene(sFunctions);
         std::vector<float> colors(scene.visible * 16), terms(scene.visible * kBigsTermStride);
-        bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, colors.data(), terms.data());
+        bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, {}, colors.data(), terms.data());
         for (size_t i = 0; i < Scene::kCount; ++i) {
             if (scene.visibleFromSplat[i] == ~0u) continue;
             const Coefficients g = scene.coefficients(i);
@@ -244,9 +244,9 @@ TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam d
         BigsUpdate update;
         for (float& r : update.rate) r = 0.01f;
         update.positiveWeight = 0.02f, update.energyWeight = 0.03f;
-        update.randomLight[0] = 0.6f, update.randomLight[1] = 0, update.randomLight[2] = 0.8f;
-        bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, colors.data(), terms.data());
-        bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, active.data(), dColors.data(), terms.data(), update);
+        const BigsRandomLight random{true, {0.6f, 0, 0.8f}};
+        bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, random, colors.data(), terms.data());
+        bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, random, active.data(), dColors.data(), terms.data(), update);
 
         for (size_t i = 0; i < Scene::kCount; ++i) {
             CAPTURE(i);
@@ -267,7 +267,7 @@ TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam d
                     const double falloff = scene.falloff(i, l, yLight);
                     for (int c = 0; c < 3; ++c) dTransport[c] = dColors[v * 16 + 3 * l + c] * falloff * scene.lit.lights[l].intensity[c];
                 } else {
-                    shBasis(25, double(update.randomLight[0]), double(update.randomLight[1]), double(update.randomLight[2]), yLight);
+                    shBasis(25, double(random.direction[0]), double(random.direction[1]), double(random.direction[2]), yLight);
                 }
                 const BigsTerms<double> t = bigsTerms(g.view(), a, yLight);
                 BigsTerms<double> d{};

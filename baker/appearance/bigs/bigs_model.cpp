@@ -55,18 +55,18 @@ public:
         update_.positiveWeight = kPositiveWeight / float(parameters_.count);
         update_.energyWeight = kEnergyWeight / float(parameters_.count);
         const float z = 2 * random[0] - 1, r = std::sqrt(std::max(0.0f, 1 - z * z)), phi = 6.2831853f * random[1];
-        update_.randomLight[0] = r * std::cos(phi), update_.randomLight[1] = r * std::sin(phi), update_.randomLight[2] = z;
+        random_ = {kPositiveWeight > 0 || kEnergyWeight > 0, {r * std::cos(phi), r * std::sin(phi), z}};
     }
 
     void forward(const VisibleView& view, const LitView& lit, float* colors) override
     {
         if (terms_.size() < view.visibleCount * kBigsTermStride) terms_.resize(view.visibleCount * kBigsTermStride);
-        bigsForward(parameters_, view, lit, bands_, colors, terms_.data());
+        bigsForward(parameters_, view, lit, bands_, random_, colors, terms_.data());
     }
 
     void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dColors) override
     {
-        bigsBackwardAndStep(parameters_, view, lit, bands_, active, dColors, terms_.data(), update_);
+        bigsBackwardAndStep(parameters_, view, lit, bands_, random_, active, dColors, terms_.data(), update_);
     }
 
     std::vector<Channel> exportChannels() const override
@@ -107,6 +107,7 @@ private:
     BigsParameters parameters_;
     BigsBands bands_;
     BigsUpdate update_;
+    BigsRandomLight random_;
     AlignedVector<float> terms_;
 };
 

@@ -109,7 +109,7 @@ HWY_INLINE void unitSh(V dx, V dy, V dz, V length2, V* out)
               hn::IfThenElse(usable, hn::Mul(dz, inv), set(1)), out);
 }
 
-void evaluateDirections(const BlockInput& in, int lane, const LitView& view, const float* randomLight, Directions& d)
+void evaluateDirections(const BlockInput& in, int lane, const LitView& view, const BigsRandomLight& random, Directions& d)
 {
     const V px = hn::Load(D(), in.position[0] + lane), py = hn::Load(D(), in.position[1] + lane), pz = hn::Load(D(), in.position[2] + lane);
     const auto towards = [&](float x, float y, float z, V* out) {
@@ -130,7 +130,7 @@ void evaluateDirections(const BlockInput& in, int lane, const LitView& view, con
             d.falloff[t] = set(1);
         }
     }
-    if (randomLight) shBasis25(set(randomLight[0]), set(randomLight[1]), set(randomLight[2]), d.yLight[view.lightCount]);
+    if (random.on) shBasis25(set(random.direction[0]), set(random.direction[1]), set(random.direction[2]), d.yLight[view.lightCount]);
 }
 
 // a[i][c] = sum_j c_ij,c y_j(w_o), twin of bigsContractView.
@@ -158,44 +158,66 @@ struct Terms {
     V direct, scatter[3], indirect[3];
 };
 
-// Twin of bigsTerms for `lights` lights at once, so that every coefficient is loaded once.
-void evaluateTerms(const float* value, const BigsBands& bands, const Directions& dir, int lights, Terms* t)
+// Twin of bigsTerms for L lights at once, so that every coefficient is loaded once and the sums stay in registers.
+template <int L>
+void evaluateTerms(const float* value, const BigsBands& bands, const Directions& dir, Terms* t)
 {
     const D d;
     V a[3 * kMaxShFunctions];
     contractView(value + kScatter * kLanes16, bands.scatter, dir.yView, a);
-    for (int l = 0; l < lights; ++l) {
-        t[l].direct = zero();
-        for (int c = 0; c < 3; ++c) t[l].indirect[c] = zero(), t[l].scatter[c] = hn::Load(d, value + (kRho + c) * kLanes16);
-    }
+    V sum[L];
+    for (int l = 0; l < L; ++l) sum[l] = zero();
     for (int k = 0; k < bands.direct; ++k) {
         const V x = hn::Load(d, value + (kTDir + k) * kLanes16);
-        for (int l = 0; l < lights; ++l) t[l].direct = hn::MulAdd(x, dir.yLight[l][k], t[l].direct);
+        for (int l = 0; l < L; ++l) sum[l] = hn::MulAdd(x, dir.yLight[l][k], sum[l]);
     }
-    for (int k = 0; k < bands.indirect; ++k)
-        for (int c = 0; c < 3; ++c) {
+    for (int l = 0; l < L; ++l) t[l].direct = sum[l];
+    for (int c = 0; c < 3; ++c) {
+        for (int l = 0; l < L; ++l) sum[l] = zero();
+        for (int k = 0; k < bands.indirect; ++k) {
             const V x = hn::Load(d, value + (kTInd + 3 * k + c) * kLanes16);
-            for (int l = 0; l < lights; ++l) t[l].indirect[c] = hn::MulAdd(x, dir.yLight[l][k], t[l].indirect[c]);
+            for (int l = 0; l < L; ++l) sum[l] = hn::MulAdd(x, dir.yLight[l][k], sum[l]);
         }
-    for (int k = 0; k < bands.scatter; ++k)
-        for (int c = 0; c < 3; ++c)
-            for (int l = 0; l < lights; ++l) t[l].scatter[c] = hn::MulAdd(a[3 * k + c], dir.yLight[l][k], t[l].scatter[c]);
+        for (int l = 0; l < L; ++l) t[l].indirect[c] = sum[l];
+        for (int l = 0; l < L; ++l) sum[l] = hn::Load(d, value + (kRho + c) * kLanes16);
+        for (int k = 0; k < bands.scatter; ++k)
+            for (int l = 0; l < L; ++l) sum[l] = hn::MulAdd(a[3 * k + c], dir.yLight[l][k], sum[l]);
+        for (int l = 0; l < L; ++l) t[l].scatter[c] = sum[l];
+    }
+}
+
+void evaluateTermsAny(int lights, const float* value, const BigsBands& bands, const Directions& dir, Terms* t)
+{
+    switch (lights) {
+    case 1: return evaluateTerms<1>(value, bands, dir, t);
+    case 2: return evaluateTerms<2>(value, bands, dir, t);
+    case 3: return evaluateTerms<3>(value, bands, dir, t);
+    case 4: return evaluateTerms<4>(value, bands, dir, t);
+    default: return evaluateTerms<5>(value, bands, dir, t);
+    }
 }
 
 void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInput& in, const LitView& view, const BigsBands& bands,
-                  float* colors, float* terms)
+                  const BigsRandomLight& random, float* colors, float* terms)
 {
     const D d;
+    const int lights = view.lightCount + (random.on ? 1 : 0);
     alignas(64) float lanes[3 + kTermsPerLight][kN];
     for (int lane = 0; lane < kLanes16; lane += kN) {
+        bool any = false;
+        for (int k = 0; k < kN; ++k) any = any || in.visible[lane + k] != ~0u;
+        if (!any) continue;
         Directions dir;
-        evaluateDirections(in, lane, view, nullptr, dir);
-        Terms t[kMaxLightsPerStep];
-        evaluateTerms(parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane, bands, dir, view.lightCount, t);
-        for (int l = 0; l < view.lightCount; ++l) {
+        evaluateDirections(in, lane, view, random, dir);
+        Terms t[kMaxLightsPerStep + 1];
+        evaluateTermsAny(lights, parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane, bands, dir, t);
+        for (int l = 0; l < lights; ++l) {
             for (int c = 0; c < 3; ++c) {
-                const V transport = hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), hn::Max(t[l].indirect[c], zero()));
-                hn::Store(hn::Mul(hn::Mul(transport, dir.falloff[l]), set(view.lights[l].intensity[c])), d, lanes[c]);
+                if (l < view.lightCount) {
+                    const V transport =
+                        hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), hn::Max(t[l].indirect[c], zero()));
+                    hn::Store(hn::Mul(hn::Mul(transport, dir.falloff[l]), set(view.lights[l].intensity[c])), d, lanes[c]);
+                }
                 hn::Store(t[l].scatter[c], d, lanes[4 + c]);
                 hn::Store(t[l].indirect[c], d, lanes[7 + c]);
             }
@@ -203,7 +225,8 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
             for (int k = 0; k < kN; ++k) {
                 const size_t v = in.visible[lane + k];
                 if (v == ~0u) continue;
-                for (int c = 0; c < 3; ++c) colors[v * 16 + 3 * l + c] = lanes[c][k];
+                if (l < view.lightCount)
+                    for (int c = 0; c < 3; ++c) colors[v * 16 + 3 * l + c] = lanes[c][k];
                 for (int i = 0; i < kTermsPerLight; ++i) terms[v * kBigsTermStride + kTermsPerLight * l + i] = lanes[3 + i][k];
             }
         }
@@ -242,11 +265,10 @@ HWY_INLINE V gate(V value, V gradient)
 }
 
 void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& in, const uint8_t* active, const LitView& view,
-                   const BigsBands& bands, const float* dColors, const float* terms, const BigsUpdate& update)
+                   const BigsBands& bands, const BigsRandomLight& random, const float* dColors, const float* terms, const BigsUpdate& update)
 {
     const D d;
-    const bool regularized = update.positiveWeight > 0 || update.energyWeight > 0;
-    const int lights = view.lightCount + (regularized ? 1 : 0); // the random light is one more, without radiance
+    const int lights = view.lightCount + (random.on ? 1 : 0);
     alignas(64) float scratch[kN];
     for (int lane = 0; lane < kLanes16; lane += kN) {
         bool any = false;
@@ -270,17 +292,13 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         };
 
         Directions dir;
-        evaluateDirections(in, lane, view, regularized ? update.randomLight : nullptr, dir);
+        evaluateDirections(in, lane, view, random, dir);
         Terms t[kMaxLightsPerStep + 1], g[kMaxLightsPerStep + 1];
-        if (regularized) {
-            evaluateTerms(value, bands, dir, lights, t);
-        } else {
-            for (int l = 0; l < lights; ++l) {
-                t[l].direct = gather(terms, kBigsTermStride, kTermsPerLight * l);
-                for (int c = 0; c < 3; ++c) {
-                    t[l].scatter[c] = gather(terms, kBigsTermStride, kTermsPerLight * l + 1 + c);
-                    t[l].indirect[c] = gather(terms, kBigsTermStride, kTermsPerLight * l + 4 + c);
-                }
+        for (int l = 0; l < lights; ++l) {
+            t[l].direct = gather(terms, kBigsTermStride, kTermsPerLight * l);
+            for (int c = 0; c < 3; ++c) {
+                t[l].scatter[c] = gather(terms, kBigsTermStride, kTermsPerLight * l + 1 + c);
+                t[l].indirect[c] = gather(terms, kBigsTermStride, kTermsPerLight * l + 4 + c);
             }
         }
         for (int l = 0; l < lights; ++l) {
@@ -450,23 +468,24 @@ void BigsParameters::permute(std::span<const uint32_t> order)
     apply(secondMoment, kBigsGroups);
 }
 
-void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands, float* colors,
-                 float* terms)
+void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
+                 const BigsRandomLight& random, float* colors, float* terms)
 {
     const auto run = HWY_DYNAMIC_DISPATCH(forwardBlock);
     tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
         const BlockInput in = gatherBlock(block, view);
-        if (in.any) run(parameters, block, in, lit, bands, colors, terms);
+        if (in.any) run(parameters, block, in, lit, bands, random, colors, terms);
     });
 }
 
 void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
-                         const uint8_t* active, const float* dColors, const float* terms, const BigsUpdate& update)
+                         const BigsRandomLight& random, const uint8_t* active, const float* dColors, const float* terms,
+                         const BigsUpdate& update)
 {
     const auto run = HWY_DYNAMIC_DISPATCH(backwardBlock);
     tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
         const BlockInput in = gatherBlock(block, view);
-        if (in.any) run(parameters, block, in, active, lit, bands, dColors, terms, update);
+        if (in.any) run(parameters, block, in, active, lit, bands, random, dColors, terms, update);
     });
 }
 

@@ -40,22 +40,29 @@ struct BigsBands {
     int direct = 25, indirect = 25, scatter = 0;
 };
 
+/// One direction more, without radiance, at which the regularisers are evaluated (BiGS section 5.1).
+struct BigsRandomLight {
+    bool on = false;
+    float direction[3] = {0, 0, 1};
+};
+
 struct BigsUpdate {
     float rate[kBigsGroups] = {};
     float beta1 = 0.9f, beta2 = 0.99f;
     int step = 1;                     // from 1, for bias correction
     float positiveWeight = 0, energyWeight = 0; // BigsRegularizers, already divided by the number of splats
-    float randomLight[3] = {0, 0, 1}; // a random direction at which the regularisers are evaluated too
 };
 
-constexpr int kBigsTermStride = 32;   // floats per visible splat: 7 per light
+constexpr int kBigsTermStride = 36;   // floats per visible splat: 7 per light and for the random light
 
-/// Colours (radiance) of the visible splats: colors[visible][16], three per light. Keeps the unclamped terms for the backward pass.
-void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands, float* colors,
-                 float* terms);
+/// Colours (radiance) of the visible splats: colors[visible][16], three per light. Keeps the unclamped terms
+/// [visible][kBigsTermStride] for the backward pass.
+void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
+                 const BigsRandomLight& random, float* colors, float* terms);
 
-/// One Adam step of every visible splat with active[visible] != 0 from dColors[visible][16].
+/// One Adam step of every visible splat with active[visible] != 0 from dColors[visible][16], after bigsForward of the same arguments.
 void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
-                         const uint8_t* active, const float* dColors, const float* terms, const BigsUpdate& update);
+                         const BigsRandomLight& random, const uint8_t* active, const float* dColors, const float* terms,
+                         const BigsUpdate& update);
 
 } // namespace nacre
