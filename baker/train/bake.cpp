@@ -119,6 +119,7 @@ private:
     double start_, resumedSeconds_ = 0, lastReport_ = 0, recentPsnr_ = 0;
     const OlatSplit* train_ = nullptr;
     int iterations_ = 0;
+    bool checkpointFailed_ = false;
     std::unique_ptr<TrainingImages> images_, heldOutImages_;
     std::unique_ptr<StepOrder> order_;
     std::unique_ptr<Trainer> trainer_;
@@ -342,7 +343,11 @@ Result<BakeResult> Bake::run()
             trainer_->resetStatistics();
         if (now() - lastReport_ > 0.5) report("training", step, progress);
         if (elapsed() - lastCheckpoint > kCheckpointSeconds) {
-            if (Status s = checkpoint(step, elapsed()); !s) return s.error();
+            // A bake that could still end well does not die of a checkpoint that could not be written.
+            if (Status s = checkpoint(step, elapsed()); !s && !checkpointFailed_) {
+                checkpointFailed_ = true;
+                result_.warnings.push_back("no checkpoint at step " + std::to_string(step) + ": " + s.error().message);
+            }
             lastCheckpoint = elapsed();
         }
     }

@@ -11,7 +11,8 @@
 namespace nacre {
 
 // Learning rates of the geometry at the start; all fall exponentially to kFinalRate of that.
-constexpr float kRatePosition = 4e-4f /* of the scene size */, kRateScale = 5e-3f, kRateRotation = 2e-3f, kRateOpacity = 2e-2f;
+// (Measured at 3000 steps: a quarter of these rates costs 0.2 dB, half 0.05 dB.)
+constexpr float kRatePosition = 1.6e-3f /* of the scene size */, kRateScale = 2e-2f, kRateRotation = 4e-3f, kRateOpacity = 2e-2f;
 constexpr double kFinalRate = 0.01;
 constexpr float kOpacityPull = 1e-8f;    // far below the gradient of a splat that matters
 constexpr float kActiveWeight = 2e-3f;   // a splat whose blending weights sum to less than this over the image does not learn from it
@@ -136,7 +137,6 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
         if (!active_[v]) continue;
         ++lastActive;
         gradientSum_[i] += gradientScale * std::hypot(dSplats_[v].mean[0], dSplats_[v].mean[1]);
-        weightSum_[i] += dSplats_[v].weight;
         ++seen_[i];
     }
     const float fall = float(std::pow(kFinalRate, progress));
@@ -153,7 +153,6 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
 void Trainer::resetStatistics()
 {
     gradientSum_.assign(geometry_.count(), 0.0f);
-    weightSum_.assign(geometry_.count(), 0.0f);
     seen_.assign(geometry_.count(), 0);
 }
 
@@ -183,18 +182,15 @@ void Trainer::densify(size_t grow)
 {
     const size_t old = geometry_.count();
     grow = std::min(grow, options_.maxSplats - std::min(options_.maxSplats, old));
-    std::vector<uint32_t> dead, alive;
+    std::vector<uint32_t> children, alive; // children: rows to fill, first those of the dead, then new ones
     for (size_t i = 0; i < old; ++i)
-        (geometry_.activated[i].opacity < kDeadOpacity || seen_[i] == 0 ? dead : alive).push_back(uint32_t(i));
-    std::vector<uint32_t> children = dead;
-    for (size_t i = 0; i < grow; ++i) children.push_back(uint32_t(old + i));
-    const size_t splits = std::min(children.size(), alive.size() / 2);
-    children.resize(std::max(std::min(children.size(), dead.size()), splits)); // never more rows than splits can fill
-    if (children.size() > splits) children.resize(splits);
+        (geometry_.activated[i].opacity < kDeadOpacity || seen_[i] == 0 ? children : alive).push_back(uint32_t(i));
+    const size_t dead = children.size(), splits = std::min(dead + grow, alive.size() / 2);
+    for (size_t i = old; children.size() < splits; ++i) children.push_back(uint32_t(i));
     const auto score = [&](uint32_t i) { return gradientSum_[i] / float(std::max(1u, seen_[i])); };
     std::partial_sort(alive.begin(), alive.begin() + splits, alive.end(),
                       [&](uint32_t a, uint32_t b) { return std::pair(-score(a), a) < std::pair(-score(b), b); });
-    const size_t count = old + (splits > dead.size() ? splits - dead.size() : 0);
+    const size_t count = old + splits - std::min(splits, dead);
     geometry_.resize(count);
     appearance_->resize(count);
     for (size_t i = 0; i < splits; ++i) splitSplat(alive[i], children[i]);
@@ -238,17 +234,16 @@ void Trainer::exportTo(SplatAsset& asset) const
 void Trainer::save(ByteWriter& out) const
 {
     out.array(geometry_.raw), out.array(geometry_.momentum), out.array(geometry_.second);
-    out.array(gradientSum_), out.array(weightSum_), out.array(seen_);
+    out.array(gradientSum_), out.array(seen_);
     appearance_->save(out);
 }
 
 bool Trainer::load(ByteReader& in)
 {
     in.array(geometry_.raw), in.array(geometry_.momentum), in.array(geometry_.second);
-    in.array(gradientSum_), in.array(weightSum_), in.array(seen_);
+    in.array(gradientSum_), in.array(seen_);
     const size_t n = geometry_.raw.size();
-    if (in.failed || geometry_.momentum.size() != n || geometry_.second.size() != n || gradientSum_.size() != n || weightSum_.size() != n ||
-        seen_.size() != n)
+    if (in.failed || geometry_.momentum.size() != n || geometry_.second.size() != n || gradientSum_.size() != n || seen_.size() != n)
         return false;
     geometry_.activated.resize(n);
     for (size_t i = 0; i < n; ++i) geometry_.activate(i);

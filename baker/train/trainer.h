@@ -57,7 +57,7 @@ private:
     TrainerOptions options_;
     std::unique_ptr<TrainableAppearance> appearance_;
     SplatGeometry geometry_;
-    std::vector<float> gradientSum_, weightSum_; // per splat, since resetStatistics
+    std::vector<float> gradientSum_; // per splat, since resetStatistics: |d loss / d mean| in pixels, and how often it was active
     std::vector<uint32_t> seen_;
 
     // Working memory of a step, reused.
