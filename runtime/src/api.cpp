@@ -47,11 +47,12 @@ Failure checkLight(const NacreLight& light, size_t index)
     if (type != NACRE_LIGHT_POINT && type != NACRE_LIGHT_DIRECTIONAL)
         return invalid(which + "unknown type " + std::to_string(type));
     constexpr float kFarthest = 1e15f; // so that squared distances stay finite in float
+    constexpr float kBrightest = 1e15f; // times falloff 1e6, the largest coefficients and 256 lights still finite: no inf * 0
     double length2 = 0;
     for (int c = 0; c < 3; ++c) {
         if (!(std::abs(light.vector[c]) <= kFarthest)) return invalid(which + "vector is not finite or beyond 1e15");
-        if (!(light.intensity[c] >= 0 && std::isfinite(light.intensity[c])))
-            return invalid(which + "intensity must be finite and not negative");
+        if (!(light.intensity[c] >= 0 && light.intensity[c] <= kBrightest))
+            return invalid(which + "intensity must be from 0 to 1e15, found " + std::to_string(light.intensity[c]));
         length2 += double(light.vector[c]) * light.vector[c];
     }
     if (light.type == NACRE_LIGHT_DIRECTIONAL && !(std::abs(length2 - 1.0) < 1e-2))
@@ -59,6 +60,15 @@ Failure checkLight(const NacreLight& light, size_t index)
     if (light.type == NACRE_LIGHT_POINT && !(light.radius >= 0 && light.radius <= kFarthest))
         return invalid(which + "radius must be finite and not negative");
     return {};
+}
+
+NacreResult decodeResult(nacre::ErrorCode code)
+{
+    switch (code) {
+    case nacre::ErrorCode::kUnsupported: return NACRE_ERROR_UNSUPPORTED;
+    case nacre::ErrorCode::kIo: return NACRE_ERROR_OUT_OF_MEMORY; // decoding reads no files: memory is all of the world it needs
+    default: return NACRE_ERROR_BAD_ASSET;
+    }
 }
 
 } // namespace
@@ -107,8 +117,7 @@ NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byt
         if (!bytes || !asset) return invalid("nacreAssetCreate: bytes and asset must not be null");
         const nacre::Result<nacre::SplatAsset> decoded = nacre::decodeAsset({static_cast<const std::byte*>(bytes), byteCount});
         if (!decoded)
-            return {decoded.error().code == nacre::ErrorCode::kUnsupported ? NACRE_ERROR_UNSUPPORTED : NACRE_ERROR_BAD_ASSET,
-                    decoded.error().message};
+            return {decodeResult(decoded.error().code), decoded.error().message};
         const auto destroy = [](NacreAssetImpl* a) { nacreAssetDestroy(a); };
         std::unique_ptr<NacreAssetImpl, decltype(destroy)> made(new NacreAssetImpl, destroy);
         if (Failure f = nacre::uploadAsset(*context, *decoded, *made)) return f;

@@ -50,6 +50,18 @@ TEST_CASE("a light exactly on a splat's mean stays finite and capped")
     CHECK(largestDifference(image, referenceImage(asset, front(), inside)) < 1e-4f); // falloff 1e6, f32 rounding
 }
 
+TEST_CASE("the brightest lights allowed, on the mean of a splat with the largest coefficients, give finite colours")
+{
+    if (!haveGl()) return;
+    for (const float sign : {-1.0f, 1.0f}) { // s negative: the scattered part is clamped to 0, and infinity times 0 would be NaN
+        SplatAsset asset = oneSplat(25);
+        for (Channel& channel : asset.channels)
+            for (float& v : channel.values) v = channel.name == "s" ? sign * 65504.0f : channel.name == "rho" ? 0.0f : 65504.0f;
+        Host host(asset);
+        CHECK(allFinite(host.draw(front(), std::vector<Light>(NACRE_MAX_LIGHTS, pointLight({0, 0, 0}, glm::vec3(1e15f))))));
+    }
+}
+
 TEST_CASE("a camera inside the cloud and exactly on a mean sees finite pixels like the reference")
 {
     if (!haveGl()) return;

@@ -33,7 +33,7 @@ typedef enum NacreResult {
     NACRE_ERROR_BAD_ASSET = 2,        // the bytes are not a valid asset; the message names the part
     NACRE_ERROR_UNSUPPORTED = 3,      // GL too old, a limit too small for this asset
     NACRE_ERROR_OUT_OF_MEMORY = 4,
-    NACRE_ERROR_GL = 5                // shader or framebuffer failure
+    NACRE_ERROR_GL = 5                // shader failure, incomplete framebuffer
 } NacreResult;
 
 typedef enum NacreSeverity { NACRE_INFO = 0, NACRE_WARNING = 1, NACRE_ERROR = 2 } NacreSeverity;
@@ -60,7 +60,8 @@ NACRE_API NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreCont
 NACRE_API void nacreContextDestroy(NacreContext context);
 
 /// Uploads an asset (.glb bytes) to the GPU. `bytes` may be freed when this returns. Safe on untrusted input: a damaged file
-/// gives NACRE_ERROR_BAD_ASSET and one message; nothing is created and `*asset` is NULL.
+/// gives NACRE_ERROR_BAD_ASSET and one message; nothing is created and `*asset` is NULL. A GL error that was pending is cleared, with a
+/// warning.
 NACRE_API NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset);
 NACRE_API void nacreAssetDestroy(NacreAsset asset);
 
@@ -81,7 +82,7 @@ typedef enum NacreLightType { NACRE_LIGHT_POINT = 0, NACRE_LIGHT_DIRECTIONAL = 1
 typedef struct NacreLight {
     NacreLightType type;
     float vector[3];      // position or direction to light
-    float intensity[3];   // linear rgb, >= 0, finite
+    float intensity[3];   // linear rgb, 0 to 1e15
     float radius;         // point only
 } NacreLight;
 
@@ -102,7 +103,9 @@ typedef struct NacreDrawDesc {
 
 /// Draws into the bound draw framebuffer. Touched GL state is saved and restored (list in README, "Embedding"). Your viewport, scissor,
 /// stencil test and depth function apply; depth is never written. Cost follows change: with lights, camera and asset at rest only the
-/// splats are blended. In a half-float target splat colours stop at 65504, so that blending makes no infinities.
+/// splats are blended. In a half-float target splat colours stop at 65504, so that blending makes no infinities. Of several draw buffers
+/// only the first is written. NACRE_ERROR_GL: the bound framebuffer is incomplete. GL errors that were pending stay pending, except
+/// that a draw that fails for want of GPU memory clears them.
 NACRE_API NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc);
 
 /// CPU-side record of the last draw, for tests and profilers.
