@@ -1,7 +1,8 @@
 // Saves every piece of GL state the runtime touches and puts it back on scope exit.
 //
-// Left as the host set it, on purpose: during the final draw the host's framebuffer, draw buffers, viewport, scissor, stencil test,
-// depth function, depth clamp, sRGB encoding, multisampling and clip control apply.
+// Left as the host set it, on purpose: during the final draw the host's framebuffer, draw buffers, colour mask of draw buffer 0,
+// viewport, scissor, stencil test, depth function, depth clamp, sRGB encoding, multisampling and clip control apply. Draw buffers after
+// the first are masked off: the splats have one output, and GL would leave the others undefined.
 #pragma once
 
 #include "gl_api.h"
@@ -24,7 +25,7 @@ public:
 
     /// State for the relighting passes: plain overwrite of float targets, no tests.
     void beginPasses();
-    /// Back to the host's framebuffer, viewport and scissor, with premultiplied blending and no depth writes.
+    /// Back to the host's framebuffer, colour mask, viewport and scissor, with premultiplied blending and no depth writes.
     void beginDraw(bool depthTest);
 
 private:

@@ -244,19 +244,22 @@ inline NacreDrawDesc describe(const Camera& camera)
 /// A host application in miniature.
 class Host {
 public:
-    Host()
+    explicit Host(NacreGetProcAddress getProcAddress = HeadlessGl::getProcAddress)
     {
         auto made = HeadlessGl::create();
         REQUIRE(made);
         gl = std::move(*made);
         NacreContextDesc desc{};
         desc.structSize = sizeof desc;
-        desc.getProcAddress = HeadlessGl::getProcAddress;
+        desc.getProcAddress = getProcAddress;
         desc.message = [](NacreSeverity, const char* text, void* user) { static_cast<Host*>(user)->messages.push_back(text); };
         desc.messageUser = this;
         REQUIRE(nacreContextCreate(&desc, &context) == NACRE_OK);
     }
-    explicit Host(const SplatAsset& source) : Host() { load(source); }
+    explicit Host(const SplatAsset& source, NacreGetProcAddress getProcAddress = HeadlessGl::getProcAddress) : Host(getProcAddress)
+    {
+        load(source);
+    }
     ~Host()
     {
         gl->makeCurrent();
