@@ -5,6 +5,7 @@
 #include "splats/blend.h"
 
 #include <chrono>
+#include <cstdio>
 #include <limits>
 
 namespace nacre {
@@ -40,6 +41,18 @@ static float largestColor(const Gl& gl)
     get(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE, &type);
     if (type != GL_NONE) get(GL_FRAMEBUFFER_ATTACHMENT_RED_SIZE, &bits);
     return bits > 16 ? std::numeric_limits<float>::max() : bits == 16 ? 65504.0f : 65024.0f; // the last: R11F_G11F_B10F
+}
+
+static Failure checkTarget(const Gl& gl)
+{
+    const GLenum status = gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER);
+    if (status == GL_FRAMEBUFFER_COMPLETE) return {};
+    GLint framebuffer = 0;
+    gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer);
+    char hex[16];
+    std::snprintf(hex, sizeof hex, "0x%04X", status);
+    return {NACRE_ERROR_GL, "the bound draw framebuffer " + std::to_string(framebuffer) + " is incomplete (status " + hex +
+                                "); complete it before nacreAssetDraw"};
 }
 
 static void uploadOrder(const NacreAssetImpl& asset)
@@ -78,6 +91,8 @@ Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
     const NacreContextImpl& context = *asset.context;
     DrawFrame frame;
     if (Failure f = makeFrame(desc, &frame)) return f;
+
+    if (Failure f = checkTarget(context.gl)) return f;
 
     Stopwatch watch(context);
     GlStateGuard state(context.gl);

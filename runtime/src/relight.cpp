@@ -30,24 +30,34 @@ static PackedLights packLights(const std::vector<NacreLight>& lights, const Draw
     return packed;
 }
 
-/// Room for `groups` groups of four lights.
+static void freeLightTargets(NacreAssetImpl& asset)
+{
+    const GLuint old[] = {asset.direct, asset.indirect};
+    asset.context->gl.DeleteTextures(2, old);
+    asset.direct = asset.indirect = 0;
+    asset.gpuBytes -= 2 * 16 * uint64_t(asset.groupCapacity) * uint64_t(asset.width) * uint64_t(asset.rows);
+    asset.groupCapacity = 0;
+}
+
+/// Room for `groups` groups of four lights. Storage that GL could not allocate shows as an incomplete framebuffer.
 static Failure growLightTargets(NacreAssetImpl& asset, int groups)
 {
     if (groups <= asset.groupCapacity) return {};
     const Gl& gl = asset.context->gl;
-    const GLuint old[] = {asset.direct, asset.indirect};
-    gl.DeleteTextures(2, old);
-    asset.gpuBytes -= 2 * 16 * uint64_t(asset.groupCapacity) * uint64_t(asset.width) * uint64_t(asset.rows);
+    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, asset.lightFramebuffer); // deletion detaches, and so frees, only while bound
+    freeLightTargets(asset);
     asset.groupCapacity = groups;
     asset.direct = createSlotTexture(asset, GL_RGBA32F, groups);
     asset.indirect = createSlotTexture(asset, GL_RGBA32F, groups);
-    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, asset.lightFramebuffer);
     gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, asset.direct, 0);
     gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT1, GL_TEXTURE_2D, asset.indirect, 0);
     const GLenum both[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
     gl.DrawBuffers(2, both);
     if (gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE) return {};
-    asset.groupCapacity = 0;
+    freeLightTargets(asset);
+    const GLenum error = takeGlError(gl); // ours, unless the host had one pending: asked only now, so that drawing never waits for it
+    if (error != GL_NO_ERROR && error != GL_OUT_OF_MEMORY)
+        asset.context->report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(error) + "; it was cleared");
     return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(4 * groups) + " lights; use fewer"};
 }
 

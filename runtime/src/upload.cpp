@@ -190,22 +190,38 @@ static Failure createTargets(NacreAssetImpl& asset)
     return {};
 }
 
-/// The quads of all splats as triangles, shared by the assets of a context.
-static void growIndexBuffer(NacreContextImpl& context, size_t splats)
+static Failure uploadFailure(GLenum error, const NacreAssetImpl& asset)
+{
+    if (error == GL_NO_ERROR) return {};
+    if (error == GL_OUT_OF_MEMORY)
+        return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory: the asset needs " + std::to_string(asset.gpuBytes >> 20) + " MiB"};
+    return {NACRE_ERROR_GL, "uploading the asset raised GL error " + std::to_string(error)};
+}
+
+/// The quads of all splats as triangles, shared by the assets of a context: these keep the old buffer if there is no room for a larger.
+static Failure growIndexBuffer(NacreContextImpl& context, const NacreAssetImpl& asset)
 {
     const Gl& gl = context.gl;
-    if (!context.vertexArray) {
-        gl.GenVertexArrays(1, &context.vertexArray);
-        gl.GenBuffers(1, &context.indexBuffer);
-    }
-    if (splats <= context.indexedSplats) return;
+    const size_t splats = asset.count;
+    if (splats <= context.indexedSplats) return {};
     std::vector<uint32_t> indices(6 * splats);
     for (size_t n = 0; n < splats; ++n)
         for (size_t k = 0; k < 6; ++k) indices[6 * n + k] = uint32_t(4 * n + (k < 3 ? k : k == 3 ? 2 : k == 4 ? 1 : 3));
+    if (!context.vertexArray) gl.GenVertexArrays(1, &context.vertexArray);
     gl.BindVertexArray(context.vertexArray);
-    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, context.indexBuffer);
+    GLuint larger = 0;
+    gl.GenBuffers(1, &larger);
+    gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, larger);
     gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, GLsizeiptr(indices.size() * sizeof(uint32_t)), indices.data(), GL_STATIC_DRAW);
-    context.indexedSplats = splats;
+    const Failure failure = uploadFailure(takeGlError(gl), asset);
+    if (failure) {
+        gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, context.indexBuffer);
+    } else {
+        std::swap(larger, context.indexBuffer);
+        context.indexedSplats = splats;
+    }
+    gl.DeleteBuffers(1, &larger);
+    return failure;
 }
 
 Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAssetImpl& asset)
@@ -239,14 +255,12 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
     uploadGeometry(asset, source.cloud, *rho);
     uploadTransport(asset, *tDir, *tInd);
     if (s) uploadScatter(asset, *s);
-    if (Failure f = createTargets(asset)) return f;
-    growIndexBuffer(context, asset.count);
+    Failure incomplete = createTargets(asset);
+    if (Failure f = uploadFailure(takeGlError(gl), asset)) return f; // first: a target without storage is incomplete as well
+    if (incomplete) return incomplete;
+    if (Failure f = growIndexBuffer(context, asset)) return f;
     if (Failure f = compilePrograms(asset)) return f;
-    const GLenum error = takeGlError(gl);
-    if (error == GL_OUT_OF_MEMORY)
-        return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory: the asset needs " + std::to_string(asset.gpuBytes >> 20) + " MiB"};
-    if (error != GL_NO_ERROR) return {NACRE_ERROR_GL, "uploading the asset raised GL error " + std::to_string(error)};
-    return {};
+    return uploadFailure(takeGlError(gl), asset);
 }
 
 void destroyAsset(NacreAssetImpl& asset)

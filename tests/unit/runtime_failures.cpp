@@ -1,0 +1,162 @@
+// A GL or a heap that runs out of memory, and framebuffers that cannot be drawn to: an error with a message, nothing lost, nothing
+// left behind, and the next try works.
+#include "runtime_fixture.h"
+
+#define GL_GLEXT_PROTOTYPES
+#include <GL/glcorearb.h>
+
+#include <cstdlib>
+#include <new>
+#include <utility>
+
+using namespace nacre;
+using namespace nacre::test;
+
+static Camera front() { return lookAt({0, 0, 2}, {0, 0, 0}, 33, 33, 40); }
+static const std::vector<Light> kLamp = {pointLight({1, 1, 2}, glm::vec3(3))};
+
+// ---- a full heap --------------------------------------------------------------------------------------------------------------
+
+static thread_local size_t largestAllocation = ~size_t(0); // larger ones fail
+
+[[gnu::noinline]] void* operator new(size_t size) // inlined, new and delete would look mismatched to the compiler
+{
+    void* p = size <= largestAllocation ? std::malloc(std::max(size, size_t(1))) : nullptr;
+    if (!p) throw std::bad_alloc();
+    return p;
+}
+[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
+[[gnu::noinline]] void operator delete(void* p, size_t) noexcept { std::free(p); }
+
+TEST_CASE("a heap too small for the asset gives OUT_OF_MEMORY and no asset")
+{
+    if (!haveGl()) return;
+    Host host;
+    const auto bytes = encodeAsset(randomAsset(500, 25, 1));
+    REQUIRE(bytes);
+    for (size_t most = bytes->size(); most >= bytes->size() / 8; most /= 2) { // smaller would fail the driver, too
+        CAPTURE(most);
+        NacreAsset asset = nullptr;
+        largestAllocation = most;
+        const NacreResult result = nacreAssetCreate(host.context, bytes->data(), bytes->size(), &asset);
+        largestAllocation = ~size_t(0);
+        if (result == NACRE_OK) nacreAssetDestroy(std::exchange(asset, nullptr));
+        else CHECK_MESSAGE(result == NACRE_ERROR_OUT_OF_MEMORY, host.lastMessage());
+        if (most < bytes->size() / 2) CHECK(result != NACRE_OK); // the s alone takes more
+        CHECK(asset == nullptr);
+    }
+    NacreAsset asset = nullptr;
+    CHECK(nacreAssetCreate(host.context, bytes->data(), bytes->size(), &asset) == NACRE_OK);
+    nacreAssetDestroy(asset);
+}
+
+// ---- a full GPU ---------------------------------------------------------------------------------------------------------------
+
+/// While set, this allocation does nothing and raises GL_OUT_OF_MEMORY.
+static bool noTextures = false, noBuffers = false;
+static bool raised = false;
+
+static void* scarceGl(const char* name, void* user)
+{
+    static constexpr auto kTexImage2D = [](GLenum target, GLint level, GLint format, GLsizei width, GLsizei height, GLint border,
+                                           GLenum layout, GLenum type, const void* pixels) {
+        if (noTextures) raised = true;
+        else glTexImage2D(target, level, format, width, height, border, layout, type, pixels);
+    };
+    static constexpr auto kBufferData = [](GLenum target, GLsizeiptr size, const void* data, GLenum usage) {
+        if (noBuffers) raised = true;
+        else glBufferData(target, size, data, usage);
+    };
+    static constexpr auto kGetError = []() -> GLenum {
+        if (std::exchange(raised, false)) return GL_OUT_OF_MEMORY; // what came of it is later
+        return glGetError();
+    };
+    const std::string wanted = name;
+    if (wanted == "glTexImage2D") return reinterpret_cast<void*>(+kTexImage2D);
+    if (wanted == "glBufferData") return reinterpret_cast<void*>(+kBufferData);
+    if (wanted == "glGetError") return reinterpret_cast<void*>(+kGetError);
+    return HeadlessGl::getProcAddress(name, user);
+}
+
+static uint64_t gpuBytes(const Host& host)
+{
+    NacreAssetInfo info{};
+    info.structSize = sizeof info;
+    REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
+    return info.gpuBytes;
+}
+
+TEST_CASE("no GPU memory for the textures or indices of an asset: OUT_OF_MEMORY, others still draw, a later try works")
+{
+    if (!haveGl()) return;
+    const SplatAsset small = randomAsset(10, 4, 1), large = randomAsset(200, 4, 2);
+    Host host(small, scarceGl);
+    const Image smallImage = host.draw(front(), kLamp);
+    const auto bytes = encodeAsset(large);
+    REQUIRE(bytes);
+    for (bool* lack : {&noTextures, &noBuffers}) {
+        NacreAsset asset = nullptr;
+        *lack = true;
+        CHECK(nacreAssetCreate(host.context, bytes->data(), bytes->size(), &asset) == NACRE_ERROR_OUT_OF_MEMORY);
+        *lack = false;
+        CHECK(asset == nullptr);
+        CHECK_FALSE(raised);
+        CHECK(glGetError() == GL_NO_ERROR);
+        CHECK(largestDifference(host.draw(front()), smallImage) == 0.0f);
+    }
+    host.load(large);
+    Host fresh(large);
+    CHECK(largestDifference(host.draw(front(), kLamp), fresh.draw(front(), kLamp)) == 0.0f);
+}
+
+TEST_CASE("no GPU memory for more lights: OUT_OF_MEMORY, no error left, bytes counted right, a later draw works")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = randomAsset(50, 4, 1);
+    const std::vector<Light> many(40, kLamp[0]);
+    Host host(asset, scarceGl);
+    const uint64_t unlit = gpuBytes(host);
+    host.setLights(many);
+    REQUIRE(host.gl->beginFrame(33, 33));
+    const NacreDrawDesc desc = describe(front());
+    noTextures = true;
+    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_OUT_OF_MEMORY);
+    noTextures = false;
+    CHECK(host.lastMessage().find("40 lights") != std::string::npos);
+    CHECK_FALSE(raised);
+    CHECK(glGetError() == GL_NO_ERROR);
+    CHECK(gpuBytes(host) == unlit);
+    Host fresh(asset);
+    CHECK(largestDifference(host.draw(front()), fresh.draw(front(), many)) == 0.0f);
+    CHECK(gpuBytes(host) == gpuBytes(fresh));
+}
+
+// ---- the host's frame ---------------------------------------------------------------------------------------------------------
+
+TEST_CASE("an incomplete framebuffer gives ERROR_GL with its name and leaves no GL error")
+{
+    if (!haveGl()) return;
+    Host host(oneSplat(0));
+    GLuint empty = 0;
+    glGenFramebuffers(1, &empty);
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, empty);
+    const NacreDrawDesc desc = describe(front());
+    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_GL);
+    CHECK_MESSAGE(host.lastMessage().find("framebuffer " + std::to_string(empty) + " is incomplete (status 0x8CD7)") != std::string::npos,
+                  host.lastMessage());
+    CHECK(glGetError() == GL_NO_ERROR);
+    glDeleteFramebuffers(1, &empty);
+    CHECK(largest(host.draw(front(), kLamp)) > 0.0f);
+}
+
+TEST_CASE("a GL error of the host stays pending through a draw")
+{
+    if (!haveGl()) return;
+    Host host(oneSplat(0));
+    host.setLights(kLamp);
+    REQUIRE(host.gl->beginFrame(33, 33));
+    const NacreDrawDesc desc = describe(front());
+    glEnable(GL_TEXTURE_BUFFER_BINDING); // no such capability
+    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    CHECK(glGetError() == GL_INVALID_ENUM);
+}
