@@ -123,6 +123,8 @@ TEST_CASE("the GL renderer of the tools draws the reference image, top row first
     REQUIRE(times);
     CHECK(times->relightMs > 0);
     CHECK(times->frameMs >= times->rasterMs);
+    for (const double distance : {0.0, 1e3, 1e6}) // a frame that float32 makes the same as the last would fail
+        CHECK((*renderer)->time(lookAt({0, 0, distance}, {0, 0, -1}, 16, 16, 20), kMixedLights, 0, 3));
     Light environment;
     environment.type = LightType::kEnvironment;
     CHECK_FALSE((*renderer)->render(offCentre(), {{environment}}));
