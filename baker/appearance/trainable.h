@@ -33,6 +33,7 @@ class TrainableAppearance {
 public:
     virtual ~TrainableAppearance() = default;
 
+    virtual size_t count() const = 0;
     virtual void resize(size_t count) = 0;                       // new splats get neutral coefficients
     virtual void copySplat(size_t from, size_t to) = 0;          // clears the optimiser state of `to`
     virtual void permute(std::span<const uint32_t> order) = 0;

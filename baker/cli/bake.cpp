@@ -3,6 +3,7 @@
 
 #include "appearance/model_table.h"
 #include "asset/asset_io.h"
+#include "pack/neutral_look.h"
 #include "train/bake.h"
 
 #include <cstdio>
@@ -37,11 +38,12 @@ static std::string progressText(const BakeProgress& p)
     return text;
 }
 
-/// What a user can still do when the bake or the writing of the asset failed.
+/// What a user can still do when the bake was stopped or the disk failed. After other errors the same command would fail again.
 static Error withResumeHint(Error error, const std::string& checkpoint)
 {
     std::error_code ignored;
-    if (std::filesystem::exists(checkpoint, ignored))
+    const bool canGoOn = error.code == ErrorCode::kCancelled || error.code == ErrorCode::kIo;
+    if (canGoOn && std::filesystem::exists(checkpoint, ignored))
         error.message += "; the checkpoint is '" + checkpoint + "': give the same command with --resume to go on";
     return error;
 }
@@ -84,6 +86,12 @@ static Status runBake(BakeArguments args)
     progress.clear();
     if (!result) return withResumeHint(result.error(), options.checkpointPath);
     for (const std::string& line : result->warnings) warn(line);
+    std::vector<Light> lights;
+    for (const OlatImage& image : dataset->find("train")->images) lights.push_back(image.light);
+    auto neutral = fitNeutralLook(result->asset, lights);
+    if (!neutral) return neutral.error();
+    result->asset.neutral = std::move(*neutral);
+    result->asset.bakedWith = "nacre " NACRE_VERSION_STRING ", " + result->asset.bakedWith;
     if (Status s = writeAsset(result->asset, args.output); !s) return withResumeHint(s.error(), options.checkpointPath);
     std::error_code ignored;
     std::filesystem::remove(options.checkpointPath, ignored);
@@ -129,7 +137,7 @@ Action addBake(CLI::App& app)
     sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality)")->check(wholeNumber(1, 100000000));
     sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
-    sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(CLI::Range(0.0, 1.0));
+    sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(numberBetween(0, 1));
     sub->add_flag("--resume", o.resume, "Go on from the checkpoint ASSET.glb.ckpt that an interrupted bake has left");
     sub->add_option("--json", args->json, "Write figures of the bake, and its held-out error over time, to this file");
     sub->footer("Ctrl-C and SIGTERM write a checkpoint next to the output; --resume goes on from there.");

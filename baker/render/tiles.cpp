@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <chrono>
 #include <cmath>
 
 namespace nacre {
@@ -17,8 +18,10 @@ void TileBuilder::build(const View<float>& view, std::span<const GaussianGeometr
     tiles.width = int(view.width), tiles.height = int(view.height);
     tiles.tilesX = (tiles.width + kTileSize - 1) / kTileSize;
     tiles.tilesY = (tiles.height + kTileSize - 1) / kTileSize;
+    const auto start = std::chrono::steady_clock::now();
     project(view, splats);
     sort();
+    projectSeconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     bin();
 }
 

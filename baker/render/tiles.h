@@ -40,6 +40,7 @@ public:
     void build(const View<float>& view, std::span<const GaussianGeometry<float>> splats);
     VisibleSplats visible;
     TileLists tiles;
+    double projectSeconds = 0; // of the last build: projection and sort, without the lists
 
 private:
     struct Chunk {

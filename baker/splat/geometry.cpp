@@ -57,7 +57,7 @@ void stepGeometry(SplatGeometry& geometry, const View<float>& view, std::span<co
                 d.position[0], d.position[1], d.position[2], d.scale[0] * g.scale[0], d.scale[1] * g.scale[1], d.scale[2] * g.scale[2],
                 d.rotation[0], d.rotation[1], d.rotation[2], d.rotation[3], d.opacity * g.opacity * (1.0f - g.opacity)};
             for (int k = 0; k < kGeometryParameters; ++k) {
-                if (!std::isfinite(gradient[k])) continue; // overflow of a product of huge terms: skip this step
+                if (!(std::abs(gradient[k]) < 1e18f)) continue; // NaN, or its square would overflow: this parameter sits out the step
                 const float rate = k < 3 ? rates.position : k < 6 ? rates.scale : k < 10 ? rates.rotation : rates.opacity;
                 float &m = geometry.momentum[i][k], &s = geometry.second[i][k];
                 m += (1.0f - kBeta1) * (gradient[k] - m);

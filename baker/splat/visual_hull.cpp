@@ -35,7 +35,7 @@ void frameCube(std::span<const Camera> cameras, float center[3], float* halfSize
     *halfSize = float(half);
 }
 
-VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<float>> alphas, int resolution)
+VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<uint8_t>> masks, int resolution)
 {
     VisualHull hull;
     frameCube(cameras, hull.center, &hull.halfSize);
@@ -64,7 +64,7 @@ VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std:
                     const float px = v.fx * t[0] / t[2] + v.cx, py = v.fy * t[1] / t[2] + v.cy;
                     if (px < 0 || py < 0 || px >= v.width || py >= v.height) continue; // not framed: this camera cannot tell
                     seen = true;
-                    inside = alphas[c][size_t(py) * size_t(v.width) + size_t(px)] >= 0.5f;
+                    inside = masks[c][size_t(py) * size_t(v.width) + size_t(px)] != 0;
                 }
                 hull.inside[(z * n + y) * n + x] = inside && seen;
             }
@@ -95,6 +95,16 @@ VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std:
     for (const auto& slice : slices) hull.surface.insert(hull.surface.end(), slice.begin(), slice.end());
     hull.surfaceArea = double(hull.surface.size()) * voxel * voxel;
     return hull;
+}
+
+bool touchesBorder(const VisualHull& hull)
+{
+    const size_t n = size_t(hull.resolution);
+    for (size_t i = 0; i < hull.inside.size(); ++i) {
+        const size_t x = i % n, y = i / n % n, z = i / (n * n);
+        if (hull.inside[i] && (x == 0 || y == 0 || z == 0 || x == n - 1 || y == n - 1 || z == n - 1)) return true;
+    }
+    return false;
 }
 
 std::vector<SurfacePoint> sampleHull(const VisualHull& hull, size_t count, uint64_t seed)

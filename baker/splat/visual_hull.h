@@ -28,8 +28,11 @@ struct VisualHull {
 /// The cube that every camera frames: centre nearest to all optical axes, half-size what the widest camera sees there.
 void frameCube(std::span<const Camera> cameras, float center[3], float* halfSize);
 
-/// alphas[i]: width*height coverage of cameras[i]. A voxel survives if no camera that frames it sees alpha below 0.5 there.
-VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<float>> alphas, int resolution);
+/// masks[i]: width*height, non-zero where cameras[i] sees the object. A voxel survives if no camera that frames it sees it outside.
+VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<uint8_t>> masks, int resolution);
+
+/// True if the hull reaches the border of the cube: the cameras do not enclose the object.
+bool touchesBorder(const VisualHull& hull);
 
 /// `count` points, evenly and with jitter over the surface; random in the cube if the hull is empty. In Morton order.
 std::vector<SurfacePoint> sampleHull(const VisualHull& hull, size_t count, uint64_t seed);

@@ -1,8 +1,9 @@
 // The bake: silhouettes -> initial splats -> steps with density control -> pruning -> asset.
 #include "train/bake.h"
 
+#include "appearance/model_table.h"
+#include "base/file.h"
 #include "base/hash.h"
-#include "pack/neutral_look.h"
 #include "splat/random.h"
 #include "train/checkpoint.h"
 #include "train/trainer.h"
@@ -14,6 +15,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <numeric>
 
 namespace nacre {
@@ -29,10 +31,9 @@ constexpr Quality kQualities[] = {{"draft", 2000, 6000, 9}, {"standard", 15000, 
 constexpr int kHullResolution = 128;
 constexpr size_t kHullCameras = 200;        // more silhouettes hardly change the hull
 constexpr double kInitialShare = 0.5;       // of the cap
-constexpr int kDensifyEvery = 100;          // steps
-constexpr double kDensifyUntil = 0.5;       // of the bake
+constexpr int kDensifyEvery = 100;          // steps, and at least one pass through the cameras
+constexpr double kDensifyFrom = 0.02, kDensifyUntil = 0.5; // of the bake
 constexpr double kGrowth = 1.06;            // per densification
-constexpr double kPruneWatch = 0.9;         // from here on, splats that are never seen are dropped at the end
 constexpr double kCheckpointSeconds = 60;
 constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
 
@@ -103,12 +104,16 @@ public:
 
 private:
     Status prepare();
+    Status resume();
+    Status train();
+    double progress() const;
     Status checkLights(const VisualHull& hull);
-    Result<std::vector<std::vector<float>>> loadAlphas(std::vector<Camera>& cameras);
+    Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, bool* anyBackground);
     Result<LossStats> trainStep(int step, double progress);
-    Status track(double seconds, int step);
-    Status checkpoint(int step, double seconds);
-    void report(const char* stage, int step, double progress);
+    Status track();
+    Status checkpoint();
+    void report(const char* stage, double progress);
+    double elapsed() const { return now() - start_; }
     uint64_t optionsHash() const;
     bool cancelled() const { return cancel_ && cancel_->load(); }
 
@@ -116,59 +121,66 @@ private:
     BakeOptions options_;
     const std::function<void(const BakeProgress&)>& report_;
     const std::atomic<bool>* cancel_;
-    double start_, resumedSeconds_ = 0, lastReport_ = 0, recentPsnr_ = 0;
+    double start_;              // of the bake; after a resume, as if it had never been interrupted
+    double resumedProgress_ = 0, resumedSeconds_ = 0, lastReport_ = 0, recentPsnr_ = 0;
     const OlatSplit* train_ = nullptr;
     int iterations_ = 0;
+    bool byTime_ = false;       // --minutes; else by iterations
     bool checkpointFailed_ = false;
     std::unique_ptr<TrainingImages> images_, heldOutImages_;
     std::unique_ptr<StepOrder> order_;
     std::unique_ptr<Trainer> trainer_;
+    BakeState state_;
     BakeResult result_;
 };
 
 uint64_t Bake::optionsHash() const
 {
-    std::string text = dataset_.convention + "|" + options_.model + "|" + options_.quality;
-    for (double x : {double(iterations_), options_.minutes, double(options_.seed), double(options_.maxSplats), double(options_.sFunctions),
-                     options_.dssim, double(train_->images.size()), double(train_->cameras.size())})
-        text += "|" + std::to_string(x);
-    uint64_t hash = fnv1a(text.data(), text.size());
+    uint64_t hash = kFnvOffset;
+    for (const std::string& text : {dataset_.convention, options_.model, options_.quality}) hash = fnv1a(text.data(), text.size() + 1, hash);
+    const auto add = [&](const auto& x) { hash = fnv1a(&x, sizeof x, hash); };
+    add(iterations_), add(options_.minutes), add(options_.seed), add(options_.maxSplats), add(options_.sFunctions), add(options_.dssim);
+    for (const Camera& c : train_->cameras) add(c.width), add(c.height), add(c.fx), add(c.fy), add(c.cx), add(c.cy), add(c.worldFromCamera);
     for (const OlatImage& image : train_->images) {
-        hash = fnv1a(&image.camera, sizeof image.camera, hash);
-        for (const glm::vec3& v : {image.light.position, image.light.directionToLight, image.light.intensity}) hash = fnv1a(&v, sizeof v, hash);
+        const Light& l = image.light;
+        add(image.camera), add(l.type), add(l.position), add(l.directionToLight), add(l.intensity), add(l.radius);
     }
     return hash;
 }
 
-void Bake::report(const char* stage, int step, double progress)
+void Bake::report(const char* stage, double progress)
 {
     lastReport_ = now();
     if (!report_) return;
-    const double seconds = lastReport_ - start_ + resumedSeconds_;
+    const double seconds = elapsed(), done = progress - resumedProgress_; // how much of the bake this process has done
     double left = -1;
-    if (options_.iterations <= 0 && options_.minutes > 0) left = std::max(0.0, 60 * options_.minutes - seconds);
-    else if (progress > 0.01) left = (seconds - resumedSeconds_) * (1 - progress) / progress;
-    report_({stage, step, options_.minutes > 0 && options_.iterations <= 0 ? 0 : iterations_, seconds, left,
-             trainer_ ? int(trainer_->count()) : 0, recentPsnr_});
+    if (byTime_) left = std::max(0.0, 60 * options_.minutes - seconds);
+    else if (done > 0.01) left = (seconds - resumedSeconds_) * (1 - progress) / done;
+    report_({stage, state_.step, byTime_ ? 0 : iterations_, seconds, left, trainer_ ? int(trainer_->count()) : 0, recentPsnr_});
 }
 
-Result<std::vector<std::vector<float>>> Bake::loadAlphas(std::vector<Camera>& cameras)
+// Where each camera sees the object. `*anyBackground` is false if the images have no coverage: opaque captures.
+Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& cameras, bool* anyBackground)
 {
     std::vector<CameraImages> groups = groupByCamera(*train_);
     const size_t stride = (groups.size() + kHullCameras - 1) / kHullCameras;
-    std::vector<std::vector<float>> alphas;
+    std::vector<std::vector<uint8_t>> masks;
+    *anyBackground = false;
     for (size_t k = 0; k < groups.size(); k += stride) {
         if (cancelled()) return Error{ErrorCode::kCancelled, "cancelled before training started"};
-        if (now() - lastReport_ > 0.5) report("loading", 0, 0);
+        if (now() - lastReport_ > 0.5) report("loading", 0);
         auto image = images_->get(groups[k].images[0]);
         if (!image) return image.error();
         const size_t pixels = size_t((*image)->width) * (*image)->height;
-        std::vector<float> alpha(pixels);
-        for (size_t i = 0; i < pixels; ++i) alpha[i] = float((*image)->planes[3 * pixels + i]) / 65535.0f;
-        alphas.push_back(std::move(alpha));
+        std::vector<uint8_t> mask(pixels);
+        for (size_t i = 0; i < pixels; ++i) {
+            mask[i] = (*image)->planes[3 * pixels + i] >= 32768; // alpha 0.5
+            *anyBackground = *anyBackground || !mask[i];
+        }
+        masks.push_back(std::move(mask));
         cameras.push_back(train_->cameras[groups[k].camera]);
     }
-    return alphas;
+    return masks;
 }
 
 // A light inside the object has no direction that its splats could agree on: that is a mistake in the data.
@@ -185,10 +197,13 @@ Status Bake::checkLights(const VisualHull& hull)
             voxel[k] = inGrid ? size_t(u) : 0;
         }
         const size_t n = size_t(hull.resolution);
-        if (inGrid && hull.inside[(voxel[2] * n + voxel[1]) * n + voxel[0]])
-            return Error{ErrorCode::kBadInput, image.path + ": its light at (" + std::to_string(image.light.position.x) + ", " +
-                                                   std::to_string(image.light.position.y) + ", " + std::to_string(image.light.position.z) +
-                                                   ") lies inside the object's silhouettes; check units and axes of the light positions"};
+        if (!inGrid || !hull.inside[(voxel[2] * n + voxel[1]) * n + voxel[0]]) continue;
+        const std::string what = image.path + ": its light at (" + std::to_string(image.light.position.x) + ", " +
+                                 std::to_string(image.light.position.y) + ", " + std::to_string(image.light.position.z) +
+                                 ") lies inside the object's silhouettes; check units and axes of the light positions";
+        if (!touchesBorder(hull)) return Error{ErrorCode::kBadInput, what};
+        result_.warnings.push_back(what + " (or it is hidden behind the object from all cameras)");
+        return ok();
     }
     return ok();
 }
@@ -199,8 +214,11 @@ Status Bake::prepare()
     if (quality == std::end(kQualities)) return Error{ErrorCode::kBadInput, "--quality '" + options_.quality + "': expected draft, standard or high"};
     train_ = dataset_.find("train");
     if (!train_) return Error{ErrorCode::kBadInput, dataset_.path + ": no 'train' split (expected transforms_train.json)"};
+    byTime_ = options_.iterations <= 0 && options_.minutes > 0;
     std::vector<CameraImages> groups = groupByCamera(*train_);
     if (groups.empty()) return Error{ErrorCode::kBadInput, dataset_.path + ": the train split has no image with a point or directional light"};
+    if (std::all_of(train_->images.begin(), train_->images.end(), [](const OlatImage& i) { return i.light.intensity == glm::vec3(0.0f); }))
+        return Error{ErrorCode::kBadInput, dataset_.path + ": every light of the train split has intensity 0; nothing can be learned"};
     for (const CameraImages& g : groups) {
         const Camera &c = train_->cameras[g.camera];
         if (c.width > 8192 || c.height > 8192)
@@ -223,21 +241,30 @@ Status Bake::prepare()
     images_ = std::make_unique<TrainingImages>(dataset_, *train_, options_.imageBudgetBytes);
     order_ = std::make_unique<StepOrder>(std::move(groups), options_.seed);
     std::vector<Camera> cameras;
-    auto alphas = loadAlphas(cameras);
-    if (!alphas) return alphas.error();
-    report("hull", 0, 0);
-    const VisualHull hull = carveVisualHull(cameras, *alphas, kHullResolution);
-    if (Status s = checkLights(hull); !s) return s;
+    bool anyBackground = false;
+    auto masks = loadMasks(cameras, &anyBackground);
+    if (!masks) return masks.error();
+    report("hull", 0);
+    VisualHull hull;
+    if (anyBackground) {
+        hull = carveVisualHull(cameras, *masks, kHullResolution);
+        if (hull.surface.empty())
+            result_.warnings.push_back("the alphas leave no visual hull: starting from random points in the common view of the cameras");
+        if (Status s = checkLights(hull); !s) return s;
+    } else {
+        frameCube(cameras, hull.center, &hull.halfSize);
+        trainerOptions.loss.alphaWeight = 0;
+        result_.warnings.push_back("the images have no alpha: starting from random points and learning the background too; masks would help");
+    }
     float extent = 0;
     for (const SurfacePoint& p : hull.surface)
         for (int k = 0; k < 3; ++k) extent = std::max(extent, std::abs(p.position[k] - hull.center[k]));
     trainerOptions.sceneSize = extent > 0 ? extent : hull.halfSize;
     const size_t initial = std::max<size_t>(1, size_t(kInitialShare * options_.maxSplats));
-    if (hull.surface.empty())
-        result_.warnings.push_back("the alphas leave no visual hull: starting from random points in the common view of the cameras");
+    const bool onSurface = !hull.surface.empty();
+    const double spacing = onSurface ? std::sqrt(hull.surfaceArea / double(initial)) : 2.0 * hull.halfSize / std::cbrt(double(initial));
     trainer_ = std::make_unique<Trainer>(trainerOptions, std::move(appearance));
-    trainer_->initialize(sampleHull(hull, initial, options_.seed),
-                         hull.surface.empty() ? 6.0 * std::pow(2.0 * hull.halfSize, 2) : hull.surfaceArea, !hull.surface.empty());
+    trainer_->initialize(sampleHull(hull, initial, options_.seed), float(spacing), onSurface);
     return ok();
 }
 
@@ -257,10 +284,11 @@ Result<LossStats> Bake::trainStep(int step, double progress)
     return trainer_->step(train_->cameras[view.camera], std::span(lights, view.images.size()), references, progress, step);
 }
 
-Status Bake::track(double seconds, int step)
+Status Bake::track()
 {
     const OlatSplit* test = dataset_.find("test");
     if (!test) return ok();
+    const double before = now();
     if (!heldOutImages_) heldOutImages_ = std::make_unique<TrainingImages>(dataset_, *test, options_.imageBudgetBytes / 4);
     ImageLoss loss;
     std::vector<float> planes, dPlanes;
@@ -275,100 +303,107 @@ Status Bake::track(double seconds, int step)
         dPlanes.resize(planes.size());
         const PreparedImage* r = reference->get();
         const LossStats s = loss.evaluate(planes.data(), &r, 1, {}, dPlanes.data());
-        psnr += psnrFrom(s.squaredError, s.count), masked += psnrFrom(s.squaredErrorMasked, s.countMasked), ++count;
+        const double whole = psnrFrom(s.squaredError, s.count);
+        psnr += whole, masked += s.countMasked > 0 ? psnrFrom(s.squaredErrorMasked, s.countMasked) : whole, ++count;
     }
-    if (count) result_.history.push_back({seconds, step, int(trainer_->count()), psnr / count, masked / count});
+    if (count) state_.history.push_back({before - start_ - state_.trackSeconds, state_.step, int(trainer_->count()), psnr / count, masked / count});
+    state_.trackSeconds += now() - before;
     return ok();
 }
 
-Status Bake::checkpoint(int step, double seconds)
+Status Bake::checkpoint()
 {
     if (options_.checkpointPath.empty()) return ok();
-    return writeCheckpoint(options_.checkpointPath, {optionsHash(), step, seconds}, *trainer_);
+    state_.seconds = elapsed();
+    return writeFileAtomically(options_.checkpointPath, encodeCheckpoint(optionsHash(), state_, *trainer_));
 }
 
-Result<BakeResult> Bake::run()
+Status Bake::resume()
 {
-    report("loading", 0, 0);
-    if (Status s = prepare(); !s) return s.error();
+    if (options_.checkpointPath.empty() || !std::filesystem::exists(options_.checkpointPath))
+        return Error{ErrorCode::kBadInput, "nothing to resume: no checkpoint at '" + options_.checkpointPath + "'; start again without --resume"};
+    auto bytes = readFile(options_.checkpointPath, std::numeric_limits<size_t>::max());
+    if (!bytes) return bytes.error();
+    auto state = decodeCheckpoint(*bytes, optionsHash(), *trainer_);
+    if (!state) return Error{state.error().code, options_.checkpointPath + ": " + state.error().message};
+    state_ = std::move(*state);
+    start_ = now() - state_.seconds;
+    resumedSeconds_ = state_.seconds;
+    resumedProgress_ = progress();
+    return ok();
+}
 
-    int step = 0;
-    if (options_.resume) {
-        if (options_.checkpointPath.empty() || !std::filesystem::exists(options_.checkpointPath))
-            return Error{ErrorCode::kBadInput, "nothing to resume: no checkpoint at '" + options_.checkpointPath + "'; start again without --resume"};
-        auto header = readCheckpoint(options_.checkpointPath, optionsHash(), *trainer_);
-        if (!header) return header.error();
-        step = header->step;
-        resumedSeconds_ = header->seconds;
-        start_ = now();
-    }
+// Writing the asset takes a moment too: 1 % of a budget in minutes is left for it.
+double Bake::progress() const { return byTime_ ? elapsed() / (0.99 * 60 * options_.minutes) : double(state_.step) / iterations_; }
 
-    const bool byTime = options_.iterations <= 0 && options_.minutes > 0;
-    const double budget = 60 * options_.minutes;
-    const auto elapsed = [&] { return now() - start_ + resumedSeconds_; };
-    double lastCheckpoint = elapsed(), nextTrack = 0, trackSeconds = 0;
-    LossStats pass; // over the last pass through the cameras
-    double psnrSum = 0;
+Status Bake::train()
+{
+    double lastCheckpoint = now(), psnrSum = 0;
     int psnrCount = 0;
+    LossStats pass; // since the last whole pass through the cameras
+    const int watch = std::max(kDensifyEvery, int(order_->passLength()));
     for (;;) {
-        // Writing the asset takes a moment too: leave 1 % of the budget for it.
-        const double progress = byTime ? elapsed() / (0.99 * budget) : double(step) / iterations_;
-        if (progress >= 1.0) break;
+        const double at = progress();
+        if (at >= 1.0) break;
         if (cancelled()) {
-            if (Status s = checkpoint(step, elapsed()); !s) return s.error();
-            return Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(step)};
+            if (Status s = checkpoint(); !s) return s;
+            return Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(state_.step)};
         }
-        if (options_.trackHeldOut && progress >= nextTrack) {
-            const double before = now();
-            if (Status s = track(elapsed() - trackSeconds, step); !s) return s.error();
-            trackSeconds += now() - before;
-            nextTrack = (std::floor(progress / kTrackEvery) + 1) * kTrackEvery;
+        if (options_.trackHeldOut && at >= state_.nextTrack) {
+            if (Status s = track(); !s) return s;
+            state_.nextTrack = (std::floor(at / kTrackEvery) + 1) * kTrackEvery;
         }
 
-        ++step;
-        auto stats = trainStep(step, progress);
+        ++state_.step, ++state_.stepsSinceReset;
+        auto stats = trainStep(state_.step, at);
         if (!stats) return stats.error();
-        if (!std::isfinite(stats->loss)) return Error{ErrorCode::kIo, "training diverged at step " + std::to_string(step) + ": the loss is not finite"};
+        if (!std::isfinite(stats->loss))
+            return Error{ErrorCode::kIo, "training diverged at step " + std::to_string(state_.step) + ": the loss is not finite"};
         pass.squaredErrorMasked += stats->squaredErrorMasked, pass.countMasked += stats->countMasked;
         psnrSum += psnrFrom(stats->squaredError, stats->count), ++psnrCount;
-        if (size_t(step) % order_->passLength() == 0) {
+        if (size_t(psnrCount) == order_->passLength()) {
             recentPsnr_ = psnrFrom(pass.squaredErrorMasked, pass.countMasked);
             result_.psnrTrain = psnrSum / psnrCount;
             pass = {}, psnrSum = 0, psnrCount = 0;
         }
 
-        if (step % kDensifyEvery == 0 && progress < kDensifyUntil && progress > 0.02)
+        if (state_.stepsSinceReset >= watch && at > kDensifyFrom && at < kDensifyUntil) {
             trainer_->densify(size_t((kGrowth - 1) * double(trainer_->count())));
-        else if (step % kDensifyEvery == 0 && progress < kPruneWatch)
-            trainer_->resetStatistics();
-        if (now() - lastReport_ > 0.5) report("training", step, progress);
-        if (elapsed() - lastCheckpoint > kCheckpointSeconds) {
+            state_.stepsSinceReset = 0;
+        }
+        if (now() - lastReport_ > 0.5) report("training", at);
+        if (now() - lastCheckpoint > kCheckpointSeconds) {
             // A bake that could still end well does not die of a checkpoint that could not be written.
-            if (Status s = checkpoint(step, elapsed()); !s && !checkpointFailed_) {
+            if (Status s = checkpoint(); !s && !checkpointFailed_) {
                 checkpointFailed_ = true;
-                result_.warnings.push_back("no checkpoint at step " + std::to_string(step) + ": " + s.error().message);
+                result_.warnings.push_back("no checkpoint at step " + std::to_string(state_.step) + ": " + s.error().message);
             }
-            lastCheckpoint = elapsed();
+            lastCheckpoint = now();
         }
     }
-    if (psnrCount && result_.psnrTrain == 0) result_.psnrTrain = psnrSum / psnrCount;
+    if (result_.psnrTrain == 0 && psnrCount) result_.psnrTrain = psnrSum / psnrCount; // less than one pass
+    // What no camera has seen in a whole pass serves nobody.
+    if (state_.stepsSinceReset >= watch) trainer_->prune();
+    return options_.trackHeldOut ? track() : ok();
+}
 
-    report("writing", step, 1.0);
-    trainer_->prune();
-    if (options_.trackHeldOut)
-        if (Status s = track(elapsed() - trackSeconds, step); !s) return s.error();
+Result<BakeResult> Bake::run()
+{
+    report("loading", 0);
+    if (Status s = prepare(); !s) return s.error();
+    if (options_.resume)
+        if (Status s = resume(); !s) return s.error();
+    if (Status s = train(); !s) return s.error();
+    report("writing", 1.0);
     SplatAsset& asset = result_.asset;
     asset.model = options_.model;
     trainer_->exportTo(asset);
+    if (Status s = validate(asset); !s) return Error{ErrorCode::kIo, "the bake did not end in a usable asset: " + s.error().message};
     // Dataset +Z up becomes glTF +Y up by a quarter turn about X.
     if (dataset_.up.z > 0.5f) asset.yUpFromAsset = glm::quat(std::sqrt(0.5f), -std::sqrt(0.5f), 0, 0);
-    asset.bakedWith = "nacre 0.1.0, " + dataset_.convention + " dataset, " + std::to_string(step) + " iterations, seed " + std::to_string(options_.seed);
-    std::vector<Light> lights;
-    for (const OlatImage& image : train_->images) lights.push_back(image.light);
-    auto neutral = fitNeutralLook(asset, lights);
-    if (!neutral) return neutral.error();
-    asset.neutral = std::move(*neutral);
-    result_.iterations = step;
+    asset.bakedWith = dataset_.convention + " dataset, " + std::to_string(state_.step) + " iterations, seed " + std::to_string(options_.seed);
+    result_.history = std::move(state_.history);
+    result_.iterations = state_.step;
     result_.seconds = elapsed();
     return std::move(result_);
 }

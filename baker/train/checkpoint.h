@@ -2,22 +2,28 @@
 #pragma once
 
 #include "base/result.h"
+#include "train/bake.h"
 #include "train/trainer.h"
 
-#include <string>
+#include <span>
+#include <vector>
 
 namespace nacre {
 
-/// What must agree between the interrupted bake and the one that resumes it, and how far it got.
-struct CheckpointHeader {
-    uint64_t optionsHash = 0; // of everything that shapes the result: dataset, model, quality, seed, caps, schedule
+/// How far the bake got.
+struct BakeState {
     int32_t step = 0;
-    double seconds = 0;       // training time so far
+    int32_t stepsSinceReset = 0;  // of the trainer's statistics
+    double seconds = 0;           // training time so far
+    double trackSeconds = 0;      // of it, spent on held-out evaluation
+    double nextTrack = 0;         // progress at which the next one is due
+    std::vector<HistoryPoint> history;
 };
 
-Status writeCheckpoint(const std::string& path, const CheckpointHeader& header, const Trainer& trainer);
+/// `optionsHash` covers everything that shapes the result: dataset, model, quality, seed, caps, schedule.
+std::vector<std::byte> encodeCheckpoint(uint64_t optionsHash, const BakeState& state, const Trainer& trainer);
 
-/// Errors kBadInput: unreadable, damaged (checksum), from another bake (hash).
-Result<CheckpointHeader> readCheckpoint(const std::string& path, uint64_t optionsHash, Trainer& trainer);
+/// Errors kBadInput: damaged (checksum), from another bake (hash), does not fit. `trainer` is unusable after an error.
+Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, uint64_t optionsHash, Trainer& trainer);
 
 } // namespace nacre

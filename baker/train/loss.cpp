@@ -72,7 +72,8 @@ void lossRow(const RowTask& t, RowSums& sums)
                 tail[0][i] = in ? t.render[x + i] : 0.0f, tail16[0][i] = in ? t.reference[x + i] : 0, tail16[1][i] = in ? t.mask[x + i] : 0;
             }
         }
-        const V linear = hn::Min(whole ? hn::LoadU(d, t.render + x) : hn::Load(d, tail[0]), hn::Set(d, 1.0f));
+        const V loaded = whole ? hn::LoadU(d, t.render + x) : hn::Load(d, tail[0]);
+        const V linear = hn::IfThenElse(hn::Gt(loaded, hn::Set(d, 1.0f)), hn::Set(d, 1.0f), loaded); // lets NaN through
         const auto ref16 = whole ? hn::LoadU(d16, t.reference + x) : hn::Load(d16, tail16[0]);
         const auto mask16 = whole ? hn::LoadU(d16, t.mask + x) : hn::Load(d16, tail16[1]);
         const V reference = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(di, ref16)), unorm);
@@ -82,7 +83,7 @@ void lossRow(const RowTask& t, RowSums& sums)
         const V safe = hn::Max(linear, hn::Set(d, 0.0031308f));
         const V power = hn::Mul(hn::Set(d, 1.055f), exp2(d, hn::Mul(log2(d, safe), hn::Set(d, 1.0f / 2.4f))));
         const auto low = hn::Le(linear, hn::Set(d, 0.0031308f));
-        const V value = hn::IfThenElse(low, hn::Mul(linear, hn::Set(d, 12.92f)), hn::Sub(power, hn::Set(d, 0.055f)));
+        const V value = hn::IfThenElse(hn::IsNaN(linear), linear, hn::IfThenElse(low, hn::Mul(linear, hn::Set(d, 12.92f)), hn::Sub(power, hn::Set(d, 0.055f))));
         const V slope = hn::IfThenElse(low, hn::Set(d, 12.92f), hn::Div(power, hn::Mul(safe, hn::Set(d, 2.4f))));
 
         const V difference = hn::Sub(value, reference);

@@ -20,7 +20,7 @@ constexpr float kDeadOpacity = 0.01f;
 
 const char* stageName(Stage stage)
 {
-    constexpr const char* names[kStageCount] = {"project+bin", "shade", "blend", "loss", "blend back", "geometry back", "shade back+Adam"};
+    constexpr const char* names[kStageCount] = {"project+sort", "bin", "shade", "blend", "loss", "blend back", "geometry back", "shade back+Adam"};
     return names[stage];
 }
 
@@ -57,10 +57,9 @@ Trainer::Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppeara
 {
 }
 
-void Trainer::initialize(std::span<const SurfacePoint> points, double surfaceArea, bool flat)
+void Trainer::initialize(std::span<const SurfacePoint> points, float spacing, bool flat)
 {
     geometry_.resize(points.size());
-    const float spacing = float(std::sqrt(surfaceArea / double(std::max<size_t>(1, points.size()))));
     for (size_t i = 0; i < points.size(); ++i) {
         const float* n = points[i].normal;
         GeometryRow& r = geometry_.raw[i];
@@ -111,7 +110,8 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     const VisibleView view = project(camera);
     const VisibleSplats& visible = builder_.visible;
     lastVisible = visible.count(), lastEntries = builder_.tiles.entries.size();
-    clock.end(kStageProject);
+    clock.end(kStageBin);
+    stageSeconds[kStageBin] -= builder_.projectSeconds, stageSeconds[kStageProject] += builder_.projectSeconds;
 
     const LitView lit = litView(camera, lights);
     appearance_->forward(view, lit, colors_.data());
@@ -204,7 +204,7 @@ void Trainer::densify(size_t grow)
 size_t Trainer::prune()
 {
     std::vector<uint32_t> kept, dropped;
-    for (size_t i = 0; i < geometry_.count(); ++i) (seen_[i] > 0 ? kept : dropped).push_back(uint32_t(i));
+    for (size_t i = 0; i < geometry_.count(); ++i) (seen_[i] > 0 && geometry_.activated[i].opacity >= kMinAlpha ? kept : dropped).push_back(uint32_t(i));
     std::vector<uint32_t> order = kept;
     order.insert(order.end(), dropped.begin(), dropped.end());
     geometry_.permute(order);
@@ -247,7 +247,7 @@ bool Trainer::load(ByteReader& in)
         return false;
     geometry_.activated.resize(n);
     for (size_t i = 0; i < n; ++i) geometry_.activate(i);
-    return appearance_->load(in);
+    return appearance_->load(in) && appearance_->count() == n;
 }
 
 } // namespace nacre

@@ -20,15 +20,15 @@ struct TrainerOptions {
     uint64_t seed = 1;
 };
 
-enum Stage { kStageProject, kStageShade, kStageBlend, kStageLoss, kStageBlendBack, kStageGeometryBack, kStageShadeBack, kStageCount };
+enum Stage { kStageProject, kStageBin, kStageShade, kStageBlend, kStageLoss, kStageBlendBack, kStageGeometryBack, kStageShadeBack, kStageCount };
 const char* stageName(Stage stage);
 
 class Trainer {
 public:
     Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppearance> appearance);
 
-    /// Flat splats on the points, as wide as their share of `surfaceArea`; `flat` = false gives round ones.
-    void initialize(std::span<const SurfacePoint> points, double surfaceArea, bool flat);
+    /// Splats at the points, `spacing` apart: discs across the normals, or balls if not `flat`.
+    void initialize(std::span<const SurfacePoint> points, float spacing, bool flat);
 
     /// One camera under up to kMaxLightsPerStep lights. `progress` in [0, 1], `step` from 1.
     LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, double progress, int step);
@@ -38,7 +38,7 @@ public:
 
     /// Splits the splats whose image gradient is largest: into the places of those that contribute nothing, and `grow` new ones.
     void densify(size_t grow);
-    /// Drops the splats that have contributed to no pixel since the statistics were last reset. Returns how many.
+    /// Drops the splats that are too faint to be drawn or have contributed to no pixel since resetStatistics. Returns how many.
     size_t prune();
     void resetStatistics();
 

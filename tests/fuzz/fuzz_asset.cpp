@@ -29,7 +29,7 @@ void decodeOnce(std::span<const std::byte> bytes)
     check(bool(again));
     const auto back = decodeAsset(*again);
     check(back && test::identical(*asset, *back));
-    check(bool(summarizeAsset(bytes)));
+    check(!summarizeAsset(*asset).channels.empty());
 }
 
 /// Most mutations only make the GLB lengths disagree. The same content with lengths that agree reaches the code behind them.

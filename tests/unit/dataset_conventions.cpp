@@ -111,6 +111,37 @@ TEST_CASE("the embedded sample, a translucent bunny, passes and its flipped copi
     checkFiresOnFlips(*sample);
 }
 
+TEST_CASE("a rig that stands far from the origin is no mistake, and its other checks still run")
+{
+    TempFolder folder;
+    OlatDataset far = sphereDataset(folder);
+    const glm::dvec3 offset(300, -500, 200);
+    for (Camera& camera : far.splits[0].cameras) camera.worldFromCamera[3] += glm::dvec4(offset, 0);
+    for (OlatImage& image : far.splits[0].images) image.light.position += glm::vec3(offset);
+    CHECK(check(far).empty());
+    far.splits[0].images[5].light.position = glm::vec3(offset + glm::dvec3(0.2, 0.1, -0.3));
+    const std::vector<std::string> warnings = check(far);
+    REQUIRE(warnings.size() == 1);
+    CHECK(mentions(warnings[0], "light inside the object: 1 "));
+}
+
+TEST_CASE("world-to-camera poses are noticed for a rig that does not aim at the origin, and in OpenCV axes")
+{
+    TempFolder folder;
+    OlatDataset dataset = sphereDataset(folder);
+    bool openCv = false;
+    SUBCASE("OpenGL axes") {}
+    SUBCASE("OpenCV axes") { openCv = true; }
+    for (Camera& camera : dataset.splits[0].cameras) {
+        camera.worldFromCamera[3] += glm::dvec4(0.4, 0.3, 0.2, 0);
+        if (openCv) camera.worldFromCamera[1] = -camera.worldFromCamera[1], camera.worldFromCamera[2] = -camera.worldFromCamera[2];
+        camera.worldFromCamera = glm::inverse(camera.worldFromCamera);
+    }
+    const std::vector<std::string> warnings = check(dataset);
+    REQUIRE(warnings.size() == 1);
+    CHECK(mentions(warnings[0], "world-to-camera"));
+}
+
 TEST_CASE("a light inside the object is reported")
 {
     TempFolder folder;

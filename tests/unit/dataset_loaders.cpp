@@ -273,6 +273,45 @@ TEST_CASE("a dict of frames, directional lights and environment maps load")
     CHECK(split.images[1].light.environmentPath == folder.file("a.exr"));
 }
 
+TEST_CASE("canonical PNG without a color_space is sRGB with one warning; what any split says holds, and EXR is linear")
+{
+    TempFolder folder;
+    const uint8_t pixels[] = {188, 188, 0, 255};
+    REQUIRE(writePng(folder.file("a.png"), 1, 1, 4, pixels));
+    REQUIRE(writeExr(Image{1, 1, {0.5f, 0.5f, 0.0f, 1.0f}}, folder.file("a.exr")));
+    const auto load = [&](const char* file, const char* trainSays) {
+        for (const std::string split : {"train", "test"}) {
+            json top = topLevel();
+            top["width"] = top["height"] = 1;
+            if (*trainSays && split == "train") top["color_space"] = trainSays;
+            top["frames"].push_back({{"file_path", file}, {"transform_matrix", toJson(lookAtOrigin({2, 0, 1}, 1).worldFromCamera)},
+                                     {"light", {{"type", "point"}, {"position", {0, 3, 4}}, {"intensity", {1, 1, 1}}}}});
+            folder.writeText("transforms_" + split + ".json", top.dump());
+        }
+        Result<OlatDataset> dataset = loadDataset(folder.path.string());
+        if (!dataset) FAIL(dataset.error().message);
+        return *dataset;
+    };
+    const OlatDataset unsaid = load("a.png", "");
+    CHECK(unsaid.colorSpace == ColorSpace::kSrgb);
+    REQUIRE(unsaid.warnings.size() == 1);
+    CHECK(mentions(unsaid.warnings[0], "no color_space: PNG"));
+    CHECK(mentions(unsaid.warnings[0], "transforms_train.json"));
+    ImageCache cache(unsaid, 1 << 20);
+    Result<std::shared_ptr<const Image>> image = cache.load(unsaid.splits[0], 0);
+    REQUIRE(image);
+    CHECK((*image)->rgba[0] == doctest::Approx(linearFromSrgb(188 / 255.0f)));
+
+    for (const char* said : {"linear", "srgb"}) {
+        const OlatDataset dataset = load("a.png", said);
+        CHECK(dataset.colorSpace == (*said == 'l' ? ColorSpace::kLinear : ColorSpace::kSrgb));
+        CHECK(dataset.warnings.empty());
+    }
+    const OlatDataset exr = load("a.exr", "");
+    CHECK(exr.colorSpace == ColorSpace::kLinear);
+    CHECK(exr.warnings.empty());
+}
+
 TEST_CASE("SSS-GS leaves out excluded and all-on images")
 {
     TempFolder folder;

@@ -212,6 +212,22 @@ TEST_CASE("counts, lengths and offsets that lie are refused")
     });
 }
 
+TEST_CASE("channels that share bytes are refused before they are copied")
+{
+    const std::vector<std::byte> original = encoded(makeAsset(3, 4, 0));
+    const auto withCopies = [&](const std::function<std::string(int)>& name) {
+        GlbParts glb(original);
+        for (int i = 0; i < 40; ++i) {
+            json copy = glb.relight()["channels"][0];
+            copy["name"] = name(i);
+            glb.relight()["channels"].push_back(copy);
+        }
+        return decodeError(glb.bytes());
+    };
+    CHECK(contains(withCopies([](int i) { return "extra" + std::to_string(i); }), "must not share bytes"));
+    CHECK(contains(withCopies([](int) { return "tDir"; }), "occurs twice"));
+}
+
 TEST_CASE("every property the reader needs is missed when it is gone, and no wrong type crashes it")
 {
     const std::vector<std::byte> original = encoded(makeAsset(2, 1, 1));
@@ -332,13 +348,12 @@ TEST_CASE("summary counts the bytes of every part, and they add up to the binary
 {
     const SplatAsset asset = makeAsset(10, 9, 16);
     const std::vector<std::byte> bytes = encoded(asset);
-    const auto summary = summarizeAsset(bytes);
-    REQUIRE(summary);
-    CHECK(summary->profile == "lossless");
+    const AssetSummary summary = summarizeAsset(asset);
+    CHECK(summary.profile == "lossless");
     size_t total = 0;
     std::vector<std::string> names;
-    for (const auto& c : summary->channels) total += c.bytes, names.push_back(c.name);
+    for (const auto& c : summary.channels) total += c.bytes, names.push_back(c.name);
     CHECK(names == std::vector<std::string>{"geometry", "neutralLook", "tDir", "tInd", "rho", "s"});
     CHECK(total == GlbParts(bytes).bin.size());
-    CHECK(summary->channels[2].bytes == 10 * 25 * 4);
+    CHECK(summary.channels[2].bytes == 10 * 25 * 4);
 }

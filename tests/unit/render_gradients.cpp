@@ -157,3 +157,44 @@ TEST_CASE("blending gradient through projection matches finite differences for g
         checkClose(dColors[k], (loss(g, hi) - loss(g, lo)) / 2e-6, 1.0);
     }
 }
+
+TEST_CASE("float32 projection and its gradient agree with float64, thin and tiny Gaussians included")
+{
+    std::mt19937_64 rng(17);
+    std::uniform_real_distribution<double> u(-1, 1);
+    const Camera camera = testCamera(256, 256);
+    const View<double> view64 = makeView<double>(camera, 0.1);
+    const View<float> view32 = makeView<float>(camera, 0.1);
+    int seen = 0;
+    for (int trial = 0; trial < 400; ++trial) {
+        GaussianGeometry<double> g = randomGaussian(rng, 0.03);
+        if (trial % 4 == 1) g.scale[0] = 1.0, g.scale[1] = g.scale[2] = 1e-4; // condition 1e8
+        if (trial % 4 == 2) g.scale[2] = 1e-6;
+        GaussianGeometry<float> f;
+        for (int i = 0; i < 3; ++i) f.position[i] = float(g.position[i]), f.scale[i] = float(g.scale[i]);
+        for (int i = 0; i < 4; ++i) f.rotation[i] = float(g.rotation[i]);
+        f.opacity = float(g.opacity);
+        ProjectedGaussian<double> p{};
+        ProjectedGaussian<float> q{};
+        const bool visible = projectGaussian(view64, g, p);
+        if (std::abs(p.opacity - kMinAlpha) < 1e-5) continue; // may fall on either side of the cull
+        REQUIRE(projectGaussian(view32, f, q) == visible);
+        if (!visible) continue;
+        ++seen;
+        CHECK(q.mean[0] == doctest::Approx(p.mean[0]).epsilon(1e-4)); // f32: 2^-24 times a few hundred pixels, a few roundings
+        CHECK(q.opacity == doctest::Approx(p.opacity).epsilon(2e-3));
+        const double trace = p.conic[0] + p.conic[2];
+        for (int k = 0; k < 3; ++k) CHECK(std::abs(q.conic[k] - p.conic[k]) < 2e-3 * trace); // f32 rotation of a thin ellipse
+        const double dMean[2] = {1, -0.5}, dConic[3] = {0.3, 0.2, -0.4};
+        const float fMean[2] = {1, -0.5f}, fConic[3] = {0.3f, 0.2f, -0.4f};
+        GaussianGeometry<double> d{};
+        GaussianGeometry<float> e{};
+        projectGaussianBackward(view64, g, dMean, dConic, 0.7, d);
+        projectGaussianBackward(view32, f, fMean, fConic, 0.7f, e);
+        for (int i = 0; i < 11; ++i) CHECK(std::isfinite(i < 3 ? e.position[i] : i < 6 ? e.scale[i - 3] : i < 10 ? e.rotation[i - 6] : e.opacity));
+        double scale = 0;
+        for (int i = 0; i < 3; ++i) scale = std::max(scale, std::abs(d.position[i]));
+        for (int i = 0; i < 3; ++i) CHECK(std::abs(e.position[i] - d.position[i]) < 5e-3 * scale);
+    }
+    CHECK(seen > 150);
+}

@@ -129,7 +129,7 @@ TEST_CASE("SIMD backward equals the scalar reference")
         }
         for (int y = 0; y < h; ++y)
             for (int x = 0; x < w; ++x) {
-                double color[kMaxChannels], d[kMaxChannels + 1];
+                double color[kMaxChannels], d[kMaxChannels + 1] = {};
                 const double a = blendPixel<double>(order, splats.data(), colors.data(), channels, x + 0.5, y + 0.5, color);
                 for (int c = 0; c <= channels; ++c) d[c] = dPlanes[(size_t(c) * h + y) * w + x];
                 blendPixelBackward<double>(order, splats.data(), colors.data(), channels, x + 0.5, y + 0.5, color, a, d, d[channels],

@@ -4,12 +4,10 @@
 #include "splat/visual_hull.h"
 #include "train/checkpoint.h"
 #include "train/trainer.h"
+#include "appearance/model_table.h"
 
 #include <doctest/doctest.h>
 
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <glm/gtc/matrix_transform.hpp>
 #include <set>
 
@@ -28,47 +26,50 @@ Camera lookAtOrigin(glm::dvec3 eye, int size)
 }
 
 // Silhouettes of a sphere of radius `r` at the origin, seen from all around.
-void sphereViews(double r, int size, std::vector<Camera>& cameras, std::vector<std::vector<float>>& alphas)
+void sphereViews(double r, int size, std::vector<Camera>& cameras, std::vector<std::vector<uint8_t>>& alphas)
 {
     for (int k = 0; k < 24; ++k) {
         const double z = -0.9 + 1.8 * (k + 0.5) / 24, phi = 2.4 * k;
         const Camera c = lookAtOrigin(3.0 * glm::dvec3(std::sqrt(1 - z * z) * std::cos(phi), std::sqrt(1 - z * z) * std::sin(phi), z), size);
-        std::vector<float> alpha(size_t(size) * size);
+        std::vector<uint8_t> alpha(size_t(size) * size);
         for (int y = 0; y < size; ++y)
             for (int x = 0; x < size; ++x) {
                 const glm::dvec3 d = glm::normalize(glm::dmat3(c.worldFromCamera) * glm::dvec3((x + 0.5 - c.cx) / c.fx, -(y + 0.5 - c.cy) / c.fy, -1));
                 const double b = glm::dot(c.position(), d);
-                alpha[size_t(y) * size + x] = glm::dot(c.position(), c.position()) - b * b < r * r ? 1.0f : 0.0f;
+                alpha[size_t(y) * size + x] = glm::dot(c.position(), c.position()) - b * b < r * r;
             }
         cameras.push_back(c);
         alphas.push_back(alpha);
     }
 }
 
-PreparedImage disc(const Camera& camera, const std::vector<float>& alpha)
+PreparedImage disc(const Camera& camera, const std::vector<uint8_t>& alpha)
 {
     Image image{camera.width, camera.height, {}};
-    for (float a : alpha) image.rgba.insert(image.rgba.end(), {0.5f * a, 0.4f * a, 0.3f * a, a});
+    for (uint8_t in : alpha) {
+        const float a = in;
+        image.rgba.insert(image.rgba.end(), {0.5f * a, 0.4f * a, 0.3f * a, a});
+    }
     return prepareImage(image);
 }
 
 Trainer sphereTrainer(size_t count, size_t cap)
 {
     std::vector<Camera> cameras;
-    std::vector<std::vector<float>> alphas;
+    std::vector<std::vector<uint8_t>> alphas;
     sphereViews(0.5, 64, cameras, alphas);
     const VisualHull hull = carveVisualHull(cameras, alphas, 32);
     TrainerOptions options;
     options.maxSplats = cap;
     Trainer trainer(options, makeTrainableAppearance("bigs", {4}));
-    trainer.initialize(sampleHull(hull, count, 1), hull.surfaceArea, true);
+    trainer.initialize(sampleHull(hull, count, 1), float(std::sqrt(hull.surfaceArea / double(count))), true);
     return trainer;
 }
 
 void train(Trainer& trainer, int first, int last)
 {
     std::vector<Camera> cameras;
-    std::vector<std::vector<float>> alphas;
+    std::vector<std::vector<uint8_t>> alphas;
     sphereViews(0.5, 64, cameras, alphas);
     Light light;
     light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
@@ -92,7 +93,7 @@ std::vector<std::byte> state(const Trainer& trainer)
 TEST_CASE("the visual hull of a sphere's silhouettes is the sphere")
 {
     std::vector<Camera> cameras;
-    std::vector<std::vector<float>> alphas;
+    std::vector<std::vector<uint8_t>> alphas;
     sphereViews(0.5, 96, cameras, alphas);
     const VisualHull hull = carveVisualHull(cameras, alphas, 48);
     const float voxel = 2 * hull.halfSize / 48;
@@ -109,9 +110,9 @@ TEST_CASE("the visual hull of a sphere's silhouettes is the sphere")
 TEST_CASE("no silhouette gives no hull, and points fall back to the framed cube")
 {
     std::vector<Camera> cameras;
-    std::vector<std::vector<float>> alphas;
+    std::vector<std::vector<uint8_t>> alphas;
     sphereViews(0.5, 32, cameras, alphas);
-    for (auto& a : alphas) std::fill(a.begin(), a.end(), 0.0f);
+    for (auto& a : alphas) std::fill(a.begin(), a.end(), uint8_t(0));
     const VisualHull hull = carveVisualHull(cameras, alphas, 24);
     CHECK(hull.surface.empty());
     for (const SurfacePoint& p : sampleHull(hull, 100, 1))
@@ -148,7 +149,7 @@ TEST_CASE("training lowers the loss, densify respects the cap and keeps everythi
 {
     Trainer trainer = sphereTrainer(200, 300);
     std::vector<Camera> cameras;
-    std::vector<std::vector<float>> alphas;
+    std::vector<std::vector<uint8_t>> alphas;
     sphereViews(0.5, 64, cameras, alphas);
     Light light;
     light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
@@ -182,7 +183,7 @@ TEST_CASE("a split keeps the picture: no pixel changes much")
     Trainer trainer = sphereTrainer(400, 800);
     train(trainer, 1, 48);
     std::vector<Camera> cameras;
-    std::vector<std::vector<float>> alphas;
+    std::vector<std::vector<uint8_t>> alphas;
     sphereViews(0.5, 64, cameras, alphas);
     Light light;
     light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
@@ -196,31 +197,117 @@ TEST_CASE("a split keeps the picture: no pixel changes much")
     CHECK(sum < 0.1 * scale); // half of the splats were split
 }
 
-TEST_CASE("a checkpoint continues to the same bytes, and a damaged or foreign one is refused")
+TEST_CASE("a hull that cameras enclose keeps off the border; one seen from the front only reaches it")
 {
-    const std::string path = (std::filesystem::temp_directory_path() / "nacre_test_checkpoint").string();
-    Trainer trainer = sphereTrainer(150, 300);
+    std::vector<Camera> cameras;
+    std::vector<std::vector<uint8_t>> masks;
+    sphereViews(0.5, 48, cameras, masks);
+    CHECK_FALSE(touchesBorder(carveVisualHull(cameras, masks, 32)));
+    CHECK(touchesBorder(carveVisualHull(std::span(cameras).first(1), std::span(masks).first(1), 32)));
+}
+
+TEST_CASE("a checkpoint continues to the same bytes; damaged at any place or foreign, it is refused")
+{
+    Trainer trainer = sphereTrainer(60, 120);
     train(trainer, 1, 20);
     trainer.densify(30);
-    REQUIRE(bool(writeCheckpoint(path, {77, 20, 1.5}, trainer)));
+    BakeState before;
+    before.step = 20, before.stepsSinceReset = 3, before.seconds = 1.5;
+    before.history.push_back({1.0, 10, 60, 20.0, 15.0});
+    const std::vector<std::byte> bytes = encodeCheckpoint(77, before, trainer);
     train(trainer, 21, 40);
 
-    Trainer resumed = sphereTrainer(100, 300);
-    auto header = readCheckpoint(path, 77, resumed);
-    REQUIRE(bool(header));
-    CHECK(header->step == 20);
+    Trainer resumed = sphereTrainer(100, 120);
+    auto after = decodeCheckpoint(bytes, 77, resumed);
+    REQUIRE(bool(after));
+    CHECK(after->step == 20);
+    CHECK(after->stepsSinceReset == 3);
+    CHECK(after->history.size() == 1);
     train(resumed, 21, 40);
     CHECK(state(resumed) == state(trainer));
 
-    CHECK_FALSE(bool(readCheckpoint(path, 78, resumed)));
-    std::vector<char> bytes(std::filesystem::file_size(path));
-    std::ifstream(path, std::ios::binary).read(bytes.data(), std::streamsize(bytes.size()));
-    for (size_t cut : {size_t(0), size_t(10), bytes.size() / 2, bytes.size() - 1}) {
-        std::ofstream(path, std::ios::binary).write(bytes.data(), std::streamsize(cut));
-        CHECK_FALSE(bool(readCheckpoint(path, 77, resumed)));
+    CHECK_FALSE(bool(decodeCheckpoint(bytes, 78, resumed)));
+    const std::span<const std::byte> whole(bytes);
+    for (size_t cut = 0; cut < bytes.size(); cut += cut < 200 ? 1 : 997) CHECK_FALSE(bool(decodeCheckpoint(whole.first(cut), 77, resumed)));
+    for (size_t at = 0; at < bytes.size(); at += 1009) {
+        std::vector<std::byte> damaged = bytes;
+        damaged[at] ^= std::byte(1);
+        CHECK_FALSE(bool(decodeCheckpoint(damaged, 77, resumed)));
     }
-    bytes[bytes.size() / 2] ^= 1;
-    std::ofstream(path, std::ios::binary).write(bytes.data(), std::streamsize(bytes.size()));
-    CHECK_FALSE(bool(readCheckpoint(path, 77, resumed)));
-    std::filesystem::remove(path);
+}
+
+TEST_CASE("numerics that bite: a training step leaves every parameter finite and in bounds")
+{
+    std::vector<Camera> cameras;
+    std::vector<std::vector<uint8_t>> masks;
+    sphereViews(0.5, 48, cameras, masks);
+    std::vector<SurfacePoint> points(64);
+    Random random(9);
+    for (SurfacePoint& p : points)
+        for (int k = 0; k < 3; ++k) p.position[k] = 0.5f * (2 * random.uniform() - 1), p.normal[k] = k == 2;
+    float spacing = 0.1f;
+    Light light;
+    light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
+    Camera camera = cameras[2];
+    SUBCASE("light on a Gaussian") { light.position = {points[5].position[0], points[5].position[1], points[5].position[2]}; }
+    SUBCASE("light at 1e6 with intensity 1e12") { light.position *= 1e6f, light.intensity = glm::vec3(1e12f); }
+    SUBCASE("intensity 0") { light.intensity = glm::vec3(0); }
+    SUBCASE("HDR intensity 1e4 times the usual") { light.intensity = glm::vec3(2e5f); }
+    SUBCASE("splats far below a pixel") { spacing = 1e-4f; }
+    SUBCASE("splats far wider than the image") { spacing = 15.0f; }
+    SUBCASE("camera inside the cloud, splats at and behind the near plane")
+    {
+        camera.worldFromCamera[3] = glm::dvec4(points[0].position[0], points[0].position[1], points[0].position[2], 1);
+    }
+    SUBCASE("all splats at one place") { for (SurfacePoint& p : points) p = points[0]; }
+
+    TrainerOptions options;
+    options.maxSplats = 96;
+    Trainer trainer(options, makeTrainableAppearance("bigs", {9}));
+    trainer.initialize(points, spacing, true);
+    const PreparedImage image = disc(camera, masks[2]);
+    const PreparedImage* reference = &image;
+    for (int step = 1; step <= 30; ++step) {
+        CHECK(std::isfinite(trainer.step(camera, std::span(&light, 1), &reference, 0.3, step).loss));
+        if (step == 15) trainer.densify(16);
+    }
+    SplatAsset asset;
+    asset.model = "bigs";
+    trainer.exportTo(asset);
+    CHECK(bool(validate(asset))); // finite, unit quaternions, positive scales, opacities in [0, 1]
+}
+
+TEST_CASE("geometry with condition 1e8, near-zero quaternion, saturated opacity and infinite gradient survives a step")
+{
+    SplatGeometry geometry;
+    geometry.resize(4);
+    const GeometryRow normal = {0, 0, 0, -2, -2, -2, 1, 0, 0, 0, 0.5f};
+    for (GeometryRow& r : geometry.raw) r = normal;
+    geometry.raw[0][3] = 1.0f, geometry.raw[0][4] = geometry.raw[0][5] = 1.0f - std::log(1e4f); // Sigma condition 1e8
+    for (int k = 6; k < 10; ++k) geometry.raw[1][k] = 1e-12f;
+    geometry.raw[2][10] = 100.0f;
+    for (size_t i = 0; i < 4; ++i) geometry.activate(i);
+    const View<float> view = makeView<float>(lookAtOrigin({0, -3, 0}, 64), 0.1);
+    const uint32_t splats[4] = {0, 1, 2, 3};
+    const uint8_t active[4] = {1, 1, 1, 1};
+    ScreenGradient<float> d[4];
+    for (auto& g : d) g = {{1, -2}, {3, 1, -1}, 2, 1};
+    d[3] = {{INFINITY, NAN}, {1e30f, 1e30f, 1e30f}, -INFINITY, 1};
+    for (int step = 1; step < 20; ++step) stepGeometry(geometry, view, splats, d, active, {0.01f, 0.01f, 0.01f, 0.01f}, step, 0);
+    for (size_t i = 0; i < 4; ++i) {
+        for (float r : geometry.raw[i]) CHECK(std::isfinite(r));
+        CHECK(geometry.activated[i].opacity > 0);
+        CHECK(geometry.activated[i].opacity < 1);
+        float unit[4];
+        CHECK(detail::normalizeQuaternion(&geometry.raw[i][6], unit) > 0);
+    }
+}
+
+TEST_CASE("a render that is not a number shows in the loss")
+{
+    const PreparedImage image = prepareImage({4, 4, std::vector<float>(64, 0.5f)});
+    const PreparedImage* reference = &image;
+    std::vector<float> planes(64, 0.2f), gradient(64);
+    planes[3] = NAN;
+    CHECK(std::isnan(ImageLoss().evaluate(planes.data(), &reference, 1, {}, gradient.data()).loss));
 }

@@ -1,6 +1,5 @@
 // bigs as a TrainableAppearance: initial values, schedule of rates and bands, export.
 #include "appearance/bigs/bigs_training.h"
-#include "appearance/bigs/bigs.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,8 +8,20 @@ namespace nacre {
 
 namespace {
 
-// Learning rates at the start; all fall exponentially to kFinalRate of that. (Measured: lower rates and a deep anneal are worth 1 dB.)
-constexpr float kRateDirect = 5e-3f, kRateIndirect = 3e-3f, kRateRho = 5e-3f, kRateScatter = 1e-3f;
+// The channels of a splat: where they lie in a row, and their learning rates at the start; all fall exponentially to kFinalRate of
+// that. (Measured: lower rates and a deep anneal are worth 1 dB.)
+struct ChannelRow {
+    const char* name;
+    int first, components;  // components 0: up to the end of the row
+    BigsGroup group, last;  // Adam groups of the channel
+    float rate;
+};
+constexpr ChannelRow kChannels[] = {
+    {"tDir", 0, 25, kGroupDirect, kGroupDirect, 5e-3f},
+    {"tInd", 25, 75, kGroupIndirect, kGroupIndirect, 3e-3f},
+    {"rho", 100, 3, kGroupRho, kGroupRho, 5e-3f},
+    {"s", 103, 0, kGroupScatter0, BigsGroup(kBigsGroups - 1), 1e-3f},
+};
 constexpr double kFinalRate = 0.01;
 // When the bands are switched on, as fractions of the bake: degree d of T_dir and T_ind at d * kBandEvery, of s from kScatterStart.
 constexpr double kBandEvery = 0.02, kScatterStart = 0.06;
@@ -25,6 +36,8 @@ public:
         parameters_.sFunctions = scatterFunctions;
         bands_.scatter = scatterFunctions; // all in use until beginStep says otherwise
     }
+
+    size_t count() const override { return parameters_.count; }
 
     void resize(size_t count) override
     {
@@ -47,10 +60,8 @@ public:
                              ? 0
                              : std::min(parameters_.sFunctions, functionsOfDegree(std::min(4, int((progress - kScatterStart) / kBandEvery))));
         const float fall = float(std::pow(kFinalRate, progress));
-        update_.rate[kGroupDirect] = kRateDirect * fall;
-        update_.rate[kGroupIndirect] = kRateIndirect * fall;
-        update_.rate[kGroupRho] = kRateRho * fall;
-        for (int d = 0; d < 5; ++d) update_.rate[kGroupScatter0 + d] = kRateScatter * fall;
+        for (const ChannelRow& c : kChannels)
+            for (int group = c.group; group <= c.last; ++group) update_.rate[group] = c.rate * fall;
         update_.step = step;
         update_.positiveWeight = kPositiveWeight / float(parameters_.count);
         update_.energyWeight = kEnergyWeight / float(parameters_.count);
@@ -71,14 +82,15 @@ public:
 
     std::vector<Channel> exportChannels() const override
     {
-        const auto channel = [&](const char* name, int first, int components) {
-            Channel c{name, uint32_t(components), std::vector<float>(parameters_.count * components)};
+        std::vector<Channel> channels;
+        for (const ChannelRow& row : kChannels) {
+            const int components = row.components > 0 ? row.components : parameters_.coefficients() - row.first;
+            if (components == 0) continue; // left out: no view-dependent term
+            Channel c{row.name, uint32_t(components), std::vector<float>(parameters_.count * components)};
             for (size_t i = 0; i < parameters_.count; ++i)
-                for (int k = 0; k < components; ++k) c.values[i * components + k] = parameters_.value[parameters_.index(i, first + k)];
-            return c;
-        };
-        std::vector<Channel> channels = {channel("tDir", 0, 25), channel("tInd", 25, 75), channel("rho", 100, 3)};
-        if (parameters_.sFunctions > 0) channels.push_back(channel("s", 103, 3 * bigsPairCount(parameters_.sFunctions)));
+                for (int k = 0; k < components; ++k) c.values[i * components + k] = parameters_.value[parameters_.index(i, row.first + k)];
+            channels.push_back(std::move(c));
+        }
         return channels;
     }
 

@@ -202,7 +202,7 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
 {
     const D d;
     const int lights = view.lightCount + (random.on ? 1 : 0);
-    alignas(64) float lanes[3 + kTermsPerLight][kN];
+    alignas(64) float lanes[3 + kTermsPerLight][kN] = {};
     for (int lane = 0; lane < kLanes16; lane += kN) {
         bool any = false;
         for (int k = 0; k < kN; ++k) any = any || in.visible[lane + k] != ~0u;

@@ -1,0 +1,38 @@
+// Checkpoint bytes are as hostile as any file. The checksum is repaired after each mutation, so that the parser behind it is reached.
+#include "base/hash.h"
+#include "train/checkpoint.h"
+
+#include <cstring>
+
+static nacre::Trainer makeTrainer()
+{
+    nacre::TrainerOptions options;
+    options.maxSplats = 40;
+    nacre::Trainer trainer(options, nacre::makeTrainableAppearance("bigs", {4}));
+    std::vector<nacre::SurfacePoint> points(20);
+    for (size_t i = 0; i < points.size(); ++i) points[i] = {{0.01f * float(i), 0, 0}, {0, 0, 1}};
+    trainer.initialize(points, 0.01f, true);
+    return trainer;
+}
+
+extern "C" size_t nacreFuzzSeed(uint8_t* out, size_t cap, unsigned i)
+{
+    if (i > 0) return 0;
+    const auto bytes = nacre::encodeCheckpoint(1, {}, makeTrainer());
+    if (bytes.size() > cap) return 0;
+    std::memcpy(out, bytes.data(), bytes.size());
+    return bytes.size();
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size)
+{
+    std::vector<std::byte> bytes(size);
+    if (size) std::memcpy(bytes.data(), data, size);
+    if (size > 8) {
+        const uint64_t sum = nacre::fnv1a(bytes.data(), size - 8);
+        std::memcpy(bytes.data() + size - 8, &sum, 8);
+    }
+    nacre::Trainer trainer = makeTrainer();
+    (void)nacre::decodeCheckpoint(bytes, 1, trainer);
+    return 0;
+}
