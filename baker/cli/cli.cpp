@@ -30,14 +30,6 @@ const std::atomic<bool>& catchStopSignals()
 
 Error stoppedBySignal(const std::string& whatIsLeft) { return {ErrorCode::kCancelled, "stopped by a signal; " + whatIsLeft}; }
 
-std::string oneLine(std::string text)
-{
-    while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
-    for (char& c : text)
-        if (c == '\n' || c == '\r') c = ' ';
-    return text;
-}
-
 void warn(const std::string& message) { std::fprintf(stderr, "nacre: warning: %s\n", oneLine(message).c_str()); }
 
 Progress::Progress() : terminal_(isatty(STDERR_FILENO) != 0), last_(std::chrono::steady_clock::now()) {}
@@ -151,16 +143,32 @@ Result<std::unique_ptr<SplatRenderer>> RendererOption::make(const AssetFile& fil
     return name == "gl" ? makeGlRenderer(file.bytes) : makeReferenceRenderer(file.asset);
 }
 
+/// The whole text as a number; NaN, which fails every comparison, if it is none.
+static double numberFrom(const std::string& text)
+{
+    char* end = nullptr;
+    const double value = std::strtod(text.c_str(), &end);
+    return !text.empty() && *end == '\0' ? value : NAN;
+}
+
 CLI::Validator positiveNumber()
 {
     return CLI::Validator(
         [](std::string& text) -> std::string {
-            char* end = nullptr;
-            const double value = std::strtod(text.c_str(), &end);
-            if (!text.empty() && *end == '\0' && std::isfinite(value) && value > 0) return "";
-            return "'" + text + "' is not a number above 0";
+            const double value = numberFrom(text);
+            return value > 0 && std::isfinite(value) ? "" : inQuotes(text) + " is not a number above 0";
         },
         "> 0");
+}
+
+CLI::Validator numberBetween(double lowest, double highest)
+{
+    return CLI::Validator(
+        [=](std::string& text) -> std::string {
+            const double value = numberFrom(text);
+            return value >= lowest && value <= highest ? "" : inQuotes(text) + format(" is not a number from %g to %g", lowest, highest);
+        },
+        format("%g..%g", lowest, highest));
 }
 
 CLI::Validator wholeNumber(long long lowest, long long highest)

@@ -5,6 +5,7 @@
 #include "base/image.h"
 #include "base/light.h"
 #include "base/result.h"
+#include "base/text.h"
 #include "dataset/olat_dataset.h"
 #include "eval/splat_renderer.h"
 #include "splats/splat_asset.h"
@@ -37,7 +38,6 @@ Error stoppedBySignal(const std::string& whatIsLeft);
 
 /// "nacre: warning: ..." on stderr, on one line.
 void warn(const std::string& message);
-std::string oneLine(std::string text);
 
 /// One line on stderr about long work: rewritten in place on a terminal, a new line every 30 s otherwise.
 class Progress {
@@ -83,6 +83,7 @@ struct RendererOption {
 
 // CLI11 checks. Its own range checks let NaN pass.
 CLI::Validator positiveNumber();
+CLI::Validator numberBetween(double lowest, double highest);
 CLI::Validator wholeNumber(long long lowest, long long highest);
 
 } // namespace nacre::cli

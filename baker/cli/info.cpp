@@ -56,7 +56,7 @@ static void printSplit(const OlatSplit& split, size_t lights)
     for (size_t t = 0; t < ofType.size(); ++t)
         if (ofType[t] > 0) types += format("%s%zu %s", types.empty() ? "" : ", ", ofType[t], kLightNames[t]);
     const Camera& first = split.cameras.front();
-    std::printf("%-12s %zu images (%s light), %zu cameras, %zu lights, %dx%d pixels\n", split.name.c_str(), split.images.size(), types.c_str(),
+    std::printf("%-12s %zu images (%s light), %zu cameras, %zu lights, %dx%d pixels\n", oneLine(split.name).c_str(), split.images.size(), types.c_str(),
                 split.cameras.size(), lights, first.width, first.height);
     std::printf("%-12s focal length %s px; distance from the origin: cameras %s, lights %s; intensity %s\n", "", focal.text().c_str(),
                 cameraDistance.text().c_str(), lightDistance.text().c_str(), intensity.text().c_str());
@@ -94,23 +94,21 @@ static Status assetInfo(const InfoArguments& args)
 {
     const auto file = openAsset(args.path);
     if (!file) return file.error();
-    const auto summary = summarizeAsset(file->bytes);
-    if (!summary) return Error{summary.error().code, "'" + args.path + "': " + summary.error().message};
-
     const SplatAsset& asset = file->asset;
+    const AssetSummary summary = summarizeAsset(asset);
     const size_t splats = asset.cloud.count, bytes = file->bytes.size();
     const double perSplat = double(bytes) / double(splats);
     std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat), profile %s\n", args.path.c_str(), asset.model.c_str(), splats,
-                bytes, perSplat, summary->profile.c_str());
-    if (!asset.bakedWith.empty()) std::printf("baked with   %s\n", asset.bakedWith.c_str());
+                bytes, perSplat, summary.profile.c_str());
+    if (!asset.bakedWith.empty()) std::printf("baked with   %s\n", oneLine(asset.bakedWith).c_str());
     Json channels = Json::array();
-    for (const auto& channel : summary->channels) {
+    for (const auto& channel : summary.channels) {
         std::printf("%-24s %10zu bytes, %.1f per splat\n", channel.name.c_str(), channel.bytes, double(channel.bytes) / double(splats));
         channels.push_back({{"name", channel.name}, {"bytes", channel.bytes}});
     }
     if (args.json.empty()) return ok();
     return writeJson({{"model", asset.model}, {"splats", splats}, {"asset_bytes", bytes}, {"bytes_per_splat", perSplat},
-                      {"profile", summary->profile}, {"channels", channels}}, args.json);
+                      {"profile", summary.profile}, {"channels", channels}}, args.json);
 }
 
 static Status listModels()

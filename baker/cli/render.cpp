@@ -156,7 +156,7 @@ Action addRender(CLI::App& app)
     sub->add_option("--orbit", args->orbit,
                                   "AZ,EL[,DIST]: azimuth and elevation in degrees, distance in asset units from the middle of the\n"
                                   "object (default: 30,20 at a distance that shows all of it)")->excludes(camera);
-    sub->add_option("--fov", args->fovYDegrees, "Vertical field of view of --orbit, degrees, 1 to 170")->check(CLI::Range(1.0, 170.0))
+    sub->add_option("--fov", args->fovYDegrees, "Vertical field of view of --orbit, degrees, 1 to 170")->check(numberBetween(1, 170))
         ->excludes(camera)->capture_default_str();
     sub->add_option("--light", args->lights,
                     "May be repeated; in the axes of the dataset. I, E: a number or r,g,b\n"

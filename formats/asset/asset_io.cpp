@@ -39,18 +39,16 @@ Status writeAsset(const SplatAsset& asset, const std::string& path)
     return writeFileAtomically(path, *bytes);
 }
 
-Result<AssetSummary> summarizeAsset(std::span<const std::byte> bytes)
+AssetSummary summarizeAsset(const SplatAsset& asset)
 {
-    const Result<SplatAsset> asset = decodeAsset(bytes);
-    if (!asset) return asset.error();
-    const size_t count = asset->cloud.count;
-    const size_t neutralFunctions = size_t(std::max(1, asset->neutral.shFunctions)); // KHR demands degree 0
+    const size_t count = asset.cloud.count;
+    const size_t neutralFunctions = size_t(std::max(1, asset.neutral.shFunctions)); // KHR demands degree 0
 
     AssetSummary summary;
     summary.profile = glb::kLosslessProfile;
     summary.channels.push_back({"geometry", count * sizeof(float) * (3 + 4 + 3 + 1)});
     summary.channels.push_back({"neutralLook", count * sizeof(float) * (3 * neutralFunctions + 4)}); // SH and COLOR_0
-    for (const Channel& channel : asset->channels)
+    for (const Channel& channel : asset.channels)
         summary.channels.push_back({channel.name, channel.values.size() * sizeof(float)});
     return summary;
 }

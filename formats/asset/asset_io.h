@@ -29,6 +29,6 @@ struct AssetSummary {
     std::string profile;
     std::vector<ChannelBytes> channels; // geometry, neutral look and every model channel
 };
-Result<AssetSummary> summarizeAsset(std::span<const std::byte> bytes);
+AssetSummary summarizeAsset(const SplatAsset& asset);
 
 } // namespace nacre

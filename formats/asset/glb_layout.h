@@ -1,6 +1,7 @@
 // Names, limits and the position hash shared by the reader and the writer of the asset. Normative text: formats/SPEC.md.
 #pragma once
 
+#include "base/hash.h"
 #include "base/result.h"
 #include "splats/splat_asset.h"
 
@@ -44,8 +45,7 @@ inline std::string shAttribute(int i)
 /// moved, reordered or dropped splats without knowing about the relighting channels.
 inline std::string positionHash(std::span<const glm::vec3> positions)
 {
-    uint64_t hash = 0xcbf29ce484222325u;
-    for (const std::byte b : std::as_bytes(positions)) hash = (hash ^ uint64_t(b)) * 0x100000001b3u;
+    const uint64_t hash = fnv1a(positions.data(), positions.size_bytes());
     char text[17];
     std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
     return text;

@@ -9,6 +9,8 @@
 // like the list of what an asset must have.
 #include "asset/glb_layout.h"
 
+#include "base/text.h"
+
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -33,15 +35,6 @@ struct Fault {
 
 [[noreturn]] void bad(const std::string& message) { throw Fault{ErrorCode::kBadInput, message}; }
 [[noreturn]] void unsupported(const std::string& message) { throw Fault{ErrorCode::kUnsupported, message}; }
-
-/// Text from the file, fit for a one-line message.
-std::string inQuotes(std::string_view text)
-{
-    std::string line(text.substr(0, 80));
-    for (char& c : line)
-        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-    return "'" + line + "'";
-}
 
 // ---- GLB container ----------------------------------------------------------------------------------------------------------
 
@@ -377,19 +370,29 @@ NeutralLook readNeutralLook(const json& document, std::span<const std::byte> bin
     return look;
 }
 
-Channel readChannel(const json& document, std::span<const std::byte> bin, const json& entry, size_t index, size_t count)
+/// `previous`: the channels before this one. Refuses before copying what would make the asset larger than its file.
+Channel readChannel(const json& document, std::span<const std::byte> bin, const json& entry, const std::vector<Channel>& previous,
+                    size_t count)
 {
-    const std::string where = "channels[" + std::to_string(index) + "]";
+    const std::string where = "channels[" + std::to_string(previous.size()) + "]";
     Channel channel;
     channel.name = needName(entry, "name", where);
     const std::string at = where + " (" + inQuotes(channel.name) + ")";
     if (needSize(entry, "componentType", at) != kFloat) unsupported(at + " is not float32, which the lossless profile demands");
+    size_t total = 0;
+    for (const Channel& other : previous) {
+        if (other.name == channel.name) bad(at + " occurs twice");
+        total += other.values.size() * sizeof(float);
+    }
     const size_t components = needSize(entry, "components", at);
     const View view = bufferView(document, bin, needSize(entry, "bufferView", at));
     const size_t available = view.bytes.size() / 4; // floats; dividing keeps the products below from overflowing
     if (components == 0 || components > available / count || view.bytes.size() != 4 * count * components)
         bad(at + " has " + std::to_string(view.bytes.size()) + " bytes, expected " + std::to_string(count) + " splats x " +
             std::to_string(components) + " floats");
+    if (view.bytes.size() > bin.size() - total)
+        bad(at + " and the channels before it need " + std::to_string(total + view.bytes.size()) + " bytes, the binary chunk has " +
+            std::to_string(bin.size()) + " (channels must not share bytes)");
     channel.components = uint32_t(components);
     channel.values.resize(count * components);
     std::memcpy(channel.values.data(), view.bytes.data(), view.bytes.size());
@@ -420,8 +423,7 @@ SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
 
     const json& channels = need(relight, "channels", kRelightExtension);
     if (!channels.is_array() || channels.size() > 64) bad("channels is not an array of at most 64 entries");
-    for (size_t i = 0; i < channels.size(); ++i)
-        asset.channels.push_back(readChannel(document, chunks.bin, channels[i], i, count));
+    for (const json& entry : channels) asset.channels.push_back(readChannel(document, chunks.bin, entry, asset.channels, count));
     return asset;
 }
 

@@ -234,7 +234,9 @@ Result<std::vector<std::byte>> write(const SplatAsset& asset)
         if (!gltf.WriteGltfSceneToStream(&model, stream, /*prettyPrint*/ false, /*writeBinary*/ true) || !stream)
             return Error{ErrorCode::kIo, "tinygltf could not serialise the asset"};
         return std::move(buffer.bytes);
-    } catch (const std::exception& e) { // a name that is not UTF-8; out of memory
+    } catch (const std::bad_alloc&) {
+        return Error{ErrorCode::kIo, "out of memory while serialising an asset of " + std::to_string(bufferBytes(asset) >> 20) + " MiB"};
+    } catch (const std::exception& e) { // a name that is not UTF-8
         return Error{ErrorCode::kBadInput, std::string("cannot serialise the asset: ") + e.what()};
     }
 }

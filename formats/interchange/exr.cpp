@@ -6,6 +6,7 @@
 #include "interchange/exr.h"
 
 #include "base/file.h"
+#include "base/text.h"
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -18,6 +19,7 @@
 #include <cmath>
 #include <cstring>
 #include <half.h>
+#include <new>
 #include <stdexcept>
 
 namespace nacre {
@@ -39,14 +41,7 @@ struct Window {
 
 Error bad(const std::string& name, const std::string& what) { return {ErrorCode::kBadInput, name + ": " + what}; }
 
-/// One line, bounded length: the library quotes file contents in what it throws.
-std::string oneLine(std::string text)
-{
-    for (char& c : text)
-        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-    if (text.size() > 160) text = text.substr(0, 160) + "...";
-    return text;
-}
+constexpr size_t kMaxQuote = 160; // bytes; the library quotes file contents in what it throws
 
 /// Walks "name\0 type\0 size value" up to the empty name; every size is checked against the bytes that are left.
 class HeaderScan {
@@ -188,7 +183,7 @@ Status checkChannels(const Imf::ChannelList& channels, const std::string& name, 
     for (const char* wanted : {"R", "G", "B", "A"}) {
         const Imf::Channel* c = channels.findChannel(wanted);
         if (!c && *wanted == 'A') continue;
-        if (!c) return bad(name, "channels " + oneLine(found) + ", expected R, G, B and optionally A");
+        if (!c) return bad(name, "channels " + oneLine(found, kMaxQuote) + ", expected R, G, B and optionally A");
         if (c->xSampling != 1 || c->ySampling != 1) return bad(name, std::string("channel ") + wanted + " is subsampled");
     }
     hasAlpha = channels.findChannel("A") != nullptr;
@@ -257,8 +252,10 @@ Result<Image> decodeExr(std::span<const std::byte> bytes, const std::string& nam
         HeaderScan scan(bytes, name);
         if (Status s = scan.run(); !s) return s.error();
         return decodeChecked(bytes, name, scan.data_, scan.display_);
+    } catch (const std::bad_alloc&) {
+        return Error{ErrorCode::kIo, name + ": out of memory while decoding OpenEXR"};
     } catch (const std::exception& e) {
-        return bad(name, "broken OpenEXR file: " + oneLine(e.what()));
+        return bad(name, "broken OpenEXR file: " + oneLine(e.what(), kMaxQuote));
     } catch (...) {
         return bad(name, "broken OpenEXR file");
     }
@@ -286,14 +283,15 @@ Status writeExr(const Image& image, const std::string& path)
     if (pixels == 0 || image.width > kMaxSide || image.height > kMaxSide || pixels > kMaxPixels || image.rgba.size() != 4 * pixels)
         return bad(path, "cannot write an image of " + std::to_string(image.width) + " x " + std::to_string(image.height) +
                              " pixels with " + std::to_string(image.rgba.size()) + " values");
-    std::vector<Imath::half> halves(image.rgba.size());
-    for (size_t i = 0; i < image.rgba.size(); i++) {
-        if (!(std::fabs(image.rgba[i]) <= kHalfMax)) // catches NaN too
-            return bad(path, "pixel (" + std::to_string(i / 4 % size_t(image.width)) + ", " + std::to_string(i / 4 / size_t(image.width)) +
-                                 ") has the value " + std::to_string(image.rgba[i]) + ", a half-float EXR holds at most 65504");
-        halves[i] = Imath::half(image.rgba[i]);
-    }
+    if (Status s = checkFinite(image, path); !s) return s;
+    const bool fitsHalf = std::all_of(image.rgba.begin(), image.rgba.end(), [](float v) { return std::fabs(v) <= kHalfMax; });
     try {
+        std::vector<Imath::half> halves;
+        if (fitsHalf) halves.assign(image.rgba.begin(), image.rgba.end());
+        const Imf::PixelType type = fitsHalf ? Imf::HALF : Imf::FLOAT;
+        const size_t bytes = fitsHalf ? sizeof(Imath::half) : sizeof(float); // of one value
+        // the library's writer takes a pointer to non-const and only reads through it
+        char* values = fitsHalf ? reinterpret_cast<char*>(halves.data()) : reinterpret_cast<char*>(const_cast<float*>(image.rgba.data()));
         MemoryOStream stream(path);
         {
             Imf::Header header(image.width, image.height);
@@ -301,9 +299,8 @@ Status writeExr(const Image& image, const std::string& path)
             Imf::FrameBuffer frame;
             for (int c = 0; c < 4; c++) {
                 const char channel[2] = {"RGBA"[c], 0};
-                header.channels().insert(channel, Imf::Channel(Imf::HALF));
-                frame.insert(channel, Imf::Slice(Imf::HALF, reinterpret_cast<char*>(halves.data() + c), 4 * sizeof(Imath::half),
-                                                 4 * sizeof(Imath::half) * size_t(image.width)));
+                header.channels().insert(channel, Imf::Channel(type));
+                frame.insert(channel, Imf::Slice(type, values + bytes * size_t(c), 4 * bytes, 4 * bytes * size_t(image.width)));
             }
             Imf::OutputFile file(stream, header);
             file.setFrameBuffer(frame);
@@ -311,7 +308,7 @@ Status writeExr(const Image& image, const std::string& path)
         } // the destructor writes the line offsets
         return writeFileAtomically(path, stream.bytes);
     } catch (const std::exception& e) {
-        return Error{ErrorCode::kIo, path + ": cannot encode OpenEXR: " + oneLine(e.what())};
+        return Error{ErrorCode::kIo, path + ": cannot encode OpenEXR: " + oneLine(e.what(), kMaxQuote)};
     }
 }
 

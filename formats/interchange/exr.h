@@ -12,7 +12,7 @@ namespace nacre {
 
 /// RGB or RGBA scanline/tiled EXR, half or float, as stored (no colour or alpha conversion; alpha = 1 if absent).
 /// The image covers the display window; where the data window does not reach, pixels are 0.
-/// Errors kBadInput: unreadable, missing R/G/B, NaN or infinite pixels, absurd size.
+/// Errors kBadInput: unreadable, missing R/G/B, NaN or infinite pixels, absurd size; kIo: out of memory.
 Result<Image> readExr(const std::string& path);
 
 /// The same from memory. `name` stands for the file in error messages.
@@ -21,7 +21,8 @@ Result<Image> decodeExr(std::span<const std::byte> bytes, const std::string& nam
 /// Width and height only: `rgba` stays empty.
 Result<Image> readExrSize(const std::string& path);
 
-/// Half-float RGBA, ZIP compression, written atomically. Values beyond the half range are an error kBadInput.
+/// RGBA, ZIP compression, written atomically. Half-float, or float if a value lies beyond the half range (65504). NaN and infinite
+/// pixels are an error kBadInput.
 Status writeExr(const Image& image, const std::string& path);
 
 } // namespace nacre

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <optional>
 
 namespace nacre {
@@ -19,15 +20,6 @@ struct JsonDocument::State {
 
 static const json& valueOf(const void* v) { return *static_cast<const json*>(v); }
 
-std::string inQuotes(const std::string& text)
-{
-    std::string s = text;
-    if (s.size() > 200) s = s.substr(0, 98) + "..." + s.substr(s.size() - 98);
-    for (char& c : s)
-        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-    return "'" + s + "'";
-}
-
 Result<JsonDocument> JsonDocument::parse(std::span<const std::byte> text, const std::string& name)
 {
     const char* begin = reinterpret_cast<const char*>(text.data());
@@ -41,8 +33,10 @@ Result<JsonDocument> JsonDocument::parse(std::span<const std::byte> text, const 
         const char* at = begin + std::min(e.byte, text.size());
         return Error{ErrorCode::kBadInput, name + ": not valid JSON at line " + std::to_string(1 + std::count(begin, at, '\n')) +
                                                (e.byte >= text.size() ? " (the file ends too early)" : "")};
-    } catch (const std::exception&) { // a number like 1e999, or out of memory
-        return Error{ErrorCode::kBadInput, name + ": JSON holds a number out of range or is too large"};
+    } catch (const std::bad_alloc&) {
+        return Error{ErrorCode::kIo, name + ": out of memory while parsing " + std::to_string(text.size()) + " bytes of JSON"};
+    } catch (const std::exception&) { // a number like 1e999
+        return Error{ErrorCode::kBadInput, name + ": JSON holds a number out of range"};
     }
     return doc;
 }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "base/result.h"
+#include "base/text.h"
 
 #include <cstddef>
 #include <memory>
@@ -18,7 +19,7 @@ class JsonNode;
 
 class JsonDocument {
 public:
-    /// `name` stands for the file in error messages. Any input is safe; error kBadInput with the line if it is not JSON.
+    /// `name` stands for the file in error messages. Any input is safe; error kBadInput with the line if it is not JSON, kIo out of memory.
     static Result<JsonDocument> parse(std::span<const std::byte> text, const std::string& name);
 
     JsonNode root() const;
@@ -63,8 +64,5 @@ private:
     const void* value_;
     std::string where_;
 };
-
-/// `text` in single quotes, without control characters and shortened in the middle, fit for a one-line message.
-std::string inQuotes(const std::string& text);
 
 } // namespace nacre
