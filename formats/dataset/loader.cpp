@@ -24,6 +24,13 @@ bool anyFrameHas(const DatasetSource& source, const char* key)
                        [&](const Description& d) { return d.frames().firstItem()[key].exists(); });
 }
 
+std::string extensionOf(const std::string& path)
+{
+    std::string e = std::filesystem::path(path).extension().string();
+    for (char& c : e) c = char(std::tolower(static_cast<unsigned char>(c)));
+    return e;
+}
+
 glm::dmat4 readPose(const JsonNode& matrix)
 {
     const std::vector<JsonNode> rows = matrix.items();

@@ -45,6 +45,9 @@ Status loadBigs(const DatasetSource& source, OlatDataset& out);
 /// True if the first frame of any description has `key`.
 bool anyFrameHas(const DatasetSource& source, const char* key);
 
+/// ".exr", in lower case.
+std::string extensionOf(const std::string& path);
+
 // ---- Readers: a mismatch is recorded in the node's document, a harmless value comes back. ----
 
 /// 4x4 row-major camera-to-world, OpenGL camera axes.

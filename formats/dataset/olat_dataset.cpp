@@ -30,13 +30,6 @@ constexpr Loader kLoaders[] = { // the first that recognises its marks wins
 
 constexpr size_t kMaxJsonBytes = size_t(1) << 28; // the largest published set needs about 20 MB
 
-std::string extensionOf(const std::string& path)
-{
-    std::string e = fs::path(path).extension().string();
-    for (char& c : e) c = char(std::tolower(static_cast<unsigned char>(c)));
-    return e;
-}
-
 Status addDescription(DatasetSource& source, const std::string& folder, const std::string& fileName)
 {
     const std::string path = (fs::path(source.path) / folder / fileName).string();

@@ -5,10 +5,12 @@
 //       {type: "point", position, intensity}                      irradiance = intensity / r^2
 //       {type: "directional", direction_to_light, irradiance}
 //       {type: "environment", map}                                equirectangular EXR
-// Colour is premultiplied by alpha (over black); srgb encodes the premultiplied value.
+// Colour is premultiplied by alpha (over black); srgb encodes the premultiplied value. Without a color_space in any split PNG is taken
+// as srgb, which is what 8-bit images hold, with a warning, and EXR as linear.
 #include "dataset/loader.h"
 
 #include <cmath>
+#include <optional>
 
 namespace nacre {
 namespace {
@@ -37,11 +39,15 @@ Light readLight(const DatasetSource& source, const JsonNode& node)
     return light;
 }
 
-ColorSpace readColorSpace(const JsonNode& node)
+/// What the split says, if it does. Splits must not disagree.
+void readColorSpace(const JsonNode& node, std::optional<ColorSpace>& colorSpace)
 {
-    const std::string name = node.exists() ? node.string() : "linear";
+    if (!node.exists()) return;
+    const std::string name = node.string();
     if (name != "linear" && name != "srgb") node.fail("\"linear\" or \"srgb\"", inQuotes(name));
-    return name == "srgb" ? ColorSpace::kSrgb : ColorSpace::kLinear;
+    const ColorSpace here = name == "srgb" ? ColorSpace::kSrgb : ColorSpace::kLinear;
+    if (colorSpace.value_or(here) != here) node.fail("the same color_space in every split", "another one");
+    colorSpace = here;
 }
 
 } // namespace
@@ -50,12 +56,10 @@ bool isCanonical(const DatasetSource& source) { return anyFrameHas(source, "ligh
 
 Status loadCanonical(const DatasetSource& source, OlatDataset& out)
 {
+    std::optional<ColorSpace> colorSpace;
     for (const Description& description : source.descriptions) {
         const JsonNode top = description.json.root();
-        const ColorSpace colorSpace = readColorSpace(top["color_space"]);
-        if (&description != &source.descriptions.front() && colorSpace != out.colorSpace)
-            top["color_space"].fail("the same color_space in every split", "another one");
-        out.colorSpace = colorSpace;
+        readColorSpace(top["color_space"], colorSpace);
         if (top["background"].exists() && top["background"].string() != "black")
             top["background"].fail("\"black\"", inQuotes(top["background"].string()));
 
@@ -73,6 +77,12 @@ Status loadCanonical(const DatasetSource& source, OlatDataset& out)
         if (description.json.failed()) return description.json.error();
         out.splits.push_back(std::move(builder.split));
     }
+    if (!colorSpace && !out.splits.empty() && !out.splits[0].images.empty() && extensionOf(out.splits[0].images[0].path) == ".png") {
+        colorSpace = ColorSpace::kSrgb;
+        out.warnings.push_back("no color_space: PNG images are taken as sRGB; write \"color_space\": \"srgb\" or \"linear\" into " +
+                               source.descriptions[0].json.name());
+    }
+    out.colorSpace = colorSpace.value_or(ColorSpace::kLinear);
     out.up = {0, 0, 1};
     return ok();
 }
