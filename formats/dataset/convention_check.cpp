@@ -1,7 +1,8 @@
 // Looks for a misread convention: from geometry alone, then from at most kMaxImages images.
 //
 // Cameras.  The point x nearest to all optical axes solves sum_i (1 - d_i d_i^T) (x - p_i) = 0. It does not depend on the sign of the
-//           axes, so cameras whose forward vector points away from it have a flipped axis.
+//           axes, so cameras whose forward vector points away from it have a flipped axis. Of poses that are world-to-camera by
+//           mistake the axes do not meet, or only in the cameras, which then all stand in one place; those of their inverses do meet.
 // Lights.   A point light that projects into the silhouette of every sampled view lies in the visual hull: inside the object.
 // Shading.  Each silhouette is inflated to a smooth blob of normals n (an ellipse as wide as its second moments). Least squares of
 //           brightness on (1, n) gives a direction g_i that got brighter: the image's own vote for where its light is. The votes
@@ -26,6 +27,7 @@ constexpr int kMaxSamplesPerSide = 64;
 // least 0.31. Half of that gap is the margin, and half of the right frame's score is enough to speak at all.
 constexpr double kScoreMargin = 0.15;
 constexpr double kMinBestScore = 0.4;
+constexpr double kMeetingMiss = 0.1;    // of the distance; a rig aimed at an object misses its middle by less than the object is wide
 constexpr float kInside = 0.5f;         // alpha of the silhouette
 
 struct View {
@@ -42,43 +44,56 @@ std::string vec(const glm::vec3& v)
 }
 
 /// The point nearest to all optical axes, if the axes differ enough to have one.
-std::optional<glm::dvec3> commonPoint(const std::vector<const Camera*>& cameras)
+std::optional<glm::dvec3> commonPoint(const std::vector<glm::dmat4>& poses)
 {
     glm::dmat3 a(0.0);
     glm::dvec3 b(0.0);
-    for (const Camera* camera : cameras) {
-        const glm::dvec3 d(camera->worldFromCamera[2]);
+    for (const glm::dmat4& pose : poses) {
+        const glm::dvec3 d(pose[2]);
         const glm::dmat3 m = glm::dmat3(1.0) - glm::outerProduct(d, d);
         a += m;
-        b += m * camera->position();
+        b += m * glm::dvec3(pose[3]);
     }
-    if (cameras.size() < 2 || !(glm::determinant(a) > 1e-6 * std::pow(double(cameras.size()), 3))) return std::nullopt;
+    if (poses.size() < 2 || !(glm::determinant(a) > 1e-6 * std::pow(double(poses.size()), 3))) return std::nullopt;
     return glm::inverse(a) * b;
 }
 
+/// Whether the axes pass close to one point that is not where the cameras themselves stand.
+bool axesMeet(const std::vector<glm::dmat4>& poses)
+{
+    const std::optional<glm::dvec3> point = commonPoint(poses);
+    if (!point) return false;
+    double miss2 = 0, distance2 = 0, origin2 = 0;
+    for (const glm::dmat4& pose : poses) {
+        const glm::dvec3 position(pose[3]), toPoint = *point - position;
+        const double along = glm::dot(toPoint, glm::dvec3(pose[2]));
+        miss2 += std::max(0.0, glm::dot(toPoint, toPoint) - along * along);
+        distance2 += glm::dot(toPoint, toPoint);
+        origin2 += glm::dot(position, position);
+    }
+    return miss2 < kMeetingMiss * kMeetingMiss * distance2 && distance2 > 1e-10 * origin2; // 1e-5: digits that poses have as text
+}
+
 /// True if the poses cannot be used for the other checks.
-bool checkCameras(const std::vector<const Camera*>& cameras, const std::optional<glm::dvec3>& centre, std::vector<std::string>& out)
+bool checkCameras(const std::vector<glm::dmat4>& poses, const std::optional<glm::dvec3>& centre, std::vector<std::string>& out)
 {
     if (!centre) return false;
-    size_t away = 0;
-    double spread = 0;
-    glm::dvec3 mean(0.0);
-    for (const Camera* camera : cameras) mean += camera->position() / double(cameras.size());
-    for (const Camera* camera : cameras) {
-        spread = std::max(spread, glm::length(camera->position() - mean));
-        if (glm::dot(-glm::dvec3(camera->worldFromCamera[2]), *centre - camera->position()) < 0) away++;
-    }
-    const std::string of = std::to_string(away) + " of " + std::to_string(cameras.size());
-    if (spread < 1e-2 * glm::length(mean)) {
-        out.push_back("all " + std::to_string(cameras.size()) +
-                      " cameras stand in one place but look in different directions: the poses are probably world-to-camera, invert them");
+    std::vector<glm::dmat4> inverses;
+    for (const glm::dmat4& pose : poses) inverses.push_back(glm::inverse(pose));
+    if (!axesMeet(poses) && axesMeet(inverses)) {
+        out.push_back("the axes of the " + std::to_string(poses.size()) +
+                      " cameras meet only after inverting the poses: they are probably world-to-camera, invert them");
         return true;
     }
-    if (2 * away > cameras.size()) {
+    size_t away = 0;
+    for (const glm::dmat4& pose : poses)
+        if (glm::dot(-glm::dvec3(pose[2]), *centre - glm::dvec3(pose[3])) < 0) away++;
+    const std::string of = std::to_string(away) + " of " + std::to_string(poses.size());
+    if (2 * away > poses.size()) {
         out.push_back(of + " cameras look away from the object: their axes are probably OpenCV's, flip y and z of the poses (columns 1 and 2)");
         return true;
     }
-    if (10 * away > cameras.size()) out.push_back(of + " cameras look away from the point that most of them look at: check their poses");
+    if (10 * away > poses.size()) out.push_back(of + " cameras look away from the point that most of them look at: check their poses");
     return false;
 }
 
@@ -217,15 +232,15 @@ void checkShading(const std::vector<View>& views, const glm::dvec3& centre, std:
 Result<std::vector<std::string>> checkConventions(const OlatDataset& dataset, ImageCache& images)
 {
     std::vector<std::string> out;
-    std::vector<const Camera*> cameras;
+    std::vector<glm::dmat4> poses;
     std::vector<std::pair<const OlatSplit*, size_t>> candidates;
     for (const OlatSplit& split : dataset.splits) {
-        for (const Camera& camera : split.cameras) cameras.push_back(&camera);
+        for (const Camera& camera : split.cameras) poses.push_back(camera.worldFromCamera);
         for (size_t i = 0; i < split.images.size(); i++)
             if (split.images[i].light.type != LightType::kEnvironment) candidates.emplace_back(&split, i);
     }
-    const std::optional<glm::dvec3> centre = commonPoint(cameras);
-    if (checkCameras(cameras, centre, out)) return out;
+    const std::optional<glm::dvec3> centre = commonPoint(poses);
+    if (checkCameras(poses, centre, out)) return out;
 
     std::vector<View> views;
     bool hasBackground = false;
