@@ -8,6 +8,7 @@
 // +Y.
 #include "eval/splat_renderer.h"
 
+#include "base/fibonacci_sphere.h"
 #include "interchange/exr.h"
 
 #include <algorithm>
@@ -18,15 +19,6 @@ namespace nacre {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-
-/// Direction i of n: equal steps in z, golden angle in azimuth. Ordered by falling z.
-glm::dvec3 fibonacciDirection(int i, int n)
-{
-    const double z = 1.0 - (2.0 * i + 1.0) / n;
-    const double r = std::sqrt(std::max(0.0, 1.0 - z * z));
-    const double phi = 2.0 * kPi * std::fmod(i * (std::numbers::phi - 1.0), 1.0);
-    return {r * std::cos(phi), r * std::sin(phi), z};
-}
 
 /// Nearest of the Fibonacci directions. No point of the sphere is further than 3/sqrt(n) from its nearest direction, and they
 /// are ordered by z: only a band of them needs a look.

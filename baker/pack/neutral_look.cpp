@@ -7,6 +7,7 @@
 
 #include "appearance/bigs/bigs.h"
 #include "appearance/model_table.h"
+#include "base/fibonacci_sphere.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -49,11 +50,9 @@ ViewSamples makeViewSamples()
     ViewSamples samples{};
     std::array<std::array<double, kFunctions>, kDirections> y{};
     for (size_t k = 0; k < kDirections; ++k) {
-        const double z = 1.0 - (2.0 * double(k) + 1.0) / kDirections, r = std::sqrt(1.0 - z * z);
-        const double phi = 2.0 * std::numbers::pi * std::fmod(double(k) * (std::numbers::phi - 1.0), 1.0);
-        const double dx = r * std::cos(phi), dy = r * std::sin(phi);
-        shBasis(kFunctions, dx, dy, z, y[k].data());
-        shBasis(kMaxShFunctions, float(-dx), float(-dy), float(-z), samples.yView[k].data());
+        const glm::dvec3 d = fibonacciDirection(int(k), kDirections);
+        shBasis(kFunctions, d.x, d.y, d.z, y[k].data());
+        shBasis(kMaxShFunctions, float(-d.x), float(-d.y), float(-d.z), samples.yView[k].data());
     }
     Square normal{};
     for (size_t a = 0; a < kFunctions; ++a)
