@@ -12,6 +12,9 @@
 
 namespace nacre::cli {
 
+// The joined sheet is for looking through: more rows make it neither readable nor, in the end, a PNG that can be written.
+constexpr size_t kMaxJoinedRows = 64, kMaxJoinedPixels = size_t(1) << 26;
+
 struct EvalArguments {
     std::string asset, dataset, split = "test", json, images;
     RendererOption renderer;
@@ -32,6 +35,38 @@ static void printRow(const char* name, const ImageMetrics& m, const std::string&
     std::printf("%6s  %6.2f  %6.2f  %7.4f  %7.4f  %8.5f  %s\n", name, m.psnr, m.psnrMasked, m.ssim, m.flip, m.relMseLinear, note.c_str());
 }
 
+static Status writeFigures(const EvalArguments& args, const AssetFile& file, const EvalResult& result, const std::string& drawnBy)
+{
+    const auto timed = [&](double ms) { return args.frames > 0 ? Json(ms) : Json(nullptr); };
+    return writeJson({{"split", args.split},
+                      {"images", result.images.size()},
+                      {"psnr", result.mean.psnr},
+                      {"psnr_masked", result.mean.psnrMasked},
+                      {"ssim", result.mean.ssim},
+                      {"flip", result.mean.flip},
+                      {"rel_mse_linear", result.mean.relMseLinear},
+                      {"ms_per_frame", timed(result.times.frameMs)},
+                      {"splats", file.asset.cloud.count},
+                      {"asset_bytes", file.bytes.size()},
+                      {"bytes_per_splat", double(file.bytes.size()) / double(file.asset.cloud.count)},
+                      {"renderer", args.renderer.name},
+                      {"psnr_min", result.psnrMin},
+                      {"relight_ms", timed(result.times.relightMs)},
+                      {"sort_ms", timed(result.times.sortMs)},
+                      {"raster_ms", timed(result.times.rasterMs)},
+                      {"drawn_by", drawnBy}},
+                     args.json);
+}
+
+static Status writeJoinedSheet(const std::string& folder, const std::vector<Picture>& rows, size_t images)
+{
+    const Picture all = tile(rows, 2);
+    const std::string path = (std::filesystem::path(folder) / "all_sheets.png").string();
+    if (Status s = writePng(path, all.width, all.height, 3, all.rgb); !s) return s;
+    if (rows.size() < images) std::printf("%s shows the first %zu of %zu images\n", path.c_str(), rows.size(), images);
+    return ok();
+}
+
 static Status runEval(const EvalArguments& args)
 {
     const std::atomic<bool>& stop = catchStopSignals();
@@ -48,14 +83,18 @@ static Status runEval(const EvalArguments& args)
         if (Status s = makeFolder(args.images); !s) return s;
 
     ImageCache references(*dataset, size_t(64) << 20); // each image is looked at once
-    std::vector<Picture> rows;
+    std::vector<Picture> rows; // the first few, for the joined sheet
+    size_t rowPixels = 0;
     Progress progress;
     const auto start = std::chrono::steady_clock::now();
     const auto done = [&](const EvalImage& image) -> Status {
         if (stop) return stoppedBySignal("no figures were written");
         if (!args.images.empty()) {
-            rows.push_back(contactRow(image.reference, image.render));
-            if (Status s = writeImages(args.images, image, rows.back()); !s) return s;
+            Picture row = contactRow(image.reference, image.render);
+            if (Status s = writeImages(args.images, image, row); !s) return s;
+            rowPixels += size_t(row.width) * size_t(row.height);
+            if (rows.size() == image.index && rows.size() < kMaxJoinedRows && (rows.empty() || rowPixels <= kMaxJoinedPixels))
+                rows.push_back(std::move(row));
         }
         const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         const size_t n = image.index + 1;
@@ -65,11 +104,6 @@ static Status runEval(const EvalArguments& args)
     const auto result = evaluate(**split, references, **renderer, {args.frames}, done);
     progress.clear();
     if (!result) return result.error();
-    if (!rows.empty()) {
-        const Picture all = tile(rows, 2);
-        const std::string path = (std::filesystem::path(args.images) / "all_sheets.png").string();
-        if (Status s = writePng(path, all.width, all.height, 3, all.rgb); !s) return s;
-    }
 
     const size_t splats = file->asset.cloud.count, bytes = file->bytes.size();
     const double perSplat = double(bytes) / double(splats);
@@ -82,27 +116,9 @@ static Status runEval(const EvalArguments& args)
     if (args.frames > 0)
         std::printf("%.2f ms per frame: relight %.2f, sort %.2f, raster %.2f (median of %d)\n", t.frameMs, t.relightMs, t.sortMs,
                     t.rasterMs, args.frames);
-    if (args.json.empty()) return ok();
-
-    const auto timed = [&](double ms) { return args.frames > 0 ? Json(ms) : Json(nullptr); };
-    return writeJson({{"split", args.split},
-                      {"images", result->images.size()},
-                      {"psnr", result->mean.psnr},
-                      {"psnr_masked", result->mean.psnrMasked},
-                      {"ssim", result->mean.ssim},
-                      {"flip", result->mean.flip},
-                      {"rel_mse_linear", result->mean.relMseLinear},
-                      {"ms_per_frame", timed(t.frameMs)},
-                      {"splats", splats},
-                      {"asset_bytes", bytes},
-                      {"bytes_per_splat", perSplat},
-                      {"renderer", args.renderer.name},
-                      {"psnr_min", result->psnrMin},
-                      {"relight_ms", timed(t.relightMs)},
-                      {"sort_ms", timed(t.sortMs)},
-                      {"raster_ms", timed(t.rasterMs)},
-                      {"drawn_by", (*renderer)->description()}},
-                     args.json);
+    if (!args.json.empty())
+        if (Status s = writeFigures(args, *file, *result, (*renderer)->description()); !s) return s;
+    return rows.empty() ? ok() : writeJoinedSheet(args.images, rows, result->images.size());
 }
 
 Action addEval(CLI::App& app)
@@ -117,7 +133,7 @@ Action addEval(CLI::App& app)
         ->check(wholeNumber(0, 100000))->capture_default_str();
     sub->add_option("--json", args->json, "Write the means to this file");
     sub->add_option("--images", args->images, "Write 0000_render.exr, 0000_reference.exr and 0000_sheet.png (reference | render | 4x error)\n"
-                                              "per image and all_sheets.png into this folder");
+                                              "per image, and all_sheets.png with the first 64, into this folder");
     return [args] { return runEval(*args); };
 }
 
