@@ -85,6 +85,7 @@ expect 2 "--minutes" "${bake[@]}" -o a.glb --minutes 1 --iterations 5
 expect 2 "--iterations" "${bake[@]}" -o a.glb --iterations 0
 expect 2 "--max-splats" "$nacre" bake "$sample" -o a.glb --max-splats -1
 expect 2 "--threads" "${bake[@]}" -o a.glb --threads two
+for bad in nan -0.1 1.5 inf x; do expect 2 "--dssim" "${bake[@]}" -o a.glb --dssim $bad; done
 expect 2 "no checkpoint" "${bake[@]}" -o a.glb --resume
 expect 2 "no folder 'nosuch'" "${bake[@]}" -o nosuch/a.glb
 expect 2 "is a folder" "${bake[@]}" -o "$work"
@@ -123,6 +124,14 @@ rm -rf truncated missing empty broken inside sizes
 
 echo "-- bake"
 mkdir one two stop full
+# past the first densification, which is where an order that depends on threads would show
+grown=("$nacre" bake "$sample" --max-splats 800 --s-functions 4 --iterations)
+expect 0 "" "${grown[@]}" 1 -o one/g.glb --json start.json
+expect 0 "" "${grown[@]}" 220 -o one/g.glb --threads 1 --json grown.json
+expect 0 "" "${grown[@]}" 220 -o two/g.glb --threads 2
+cmp one/g.glb two/g.glb || fail "1 and 2 threads give different assets after densification"
+[ "$(grep '"splats"' start.json)" != "$(grep '"splats"' grown.json)" ] || fail "220 iterations do not reach a densification"
+rm one/g.glb two/g.glb
 expect 0 "" "${bake[@]}" -o one/a.glb --iterations 60 --threads 1 --json bake.json
 keys bake.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes history
 grep -q '"iterations": 60,' bake.json || fail "bake.json does not say 60 iterations"
@@ -156,6 +165,7 @@ if [ -e stop/a.glb.ckpt ]; then
     only stop a.glb
     head -c 300 stop/a.glb >stop/b.glb.ckpt
     expect 2 "b.glb.ckpt" "${bake[@]}" -o stop/b.glb --iterations 400 --resume
+    grep -q "give the same command" stderr.txt && fail "a damaged checkpoint is advertised for --resume: $(cat stderr.txt)"
 else
     fail "a stopped bake (exit code $code) left no checkpoint"
 fi
@@ -191,6 +201,7 @@ expect 2 "nosuch.exr" "$nacre" render $asset -o c.png --light environment:nosuch
 expect 2 "--size" "$nacre" render $asset -o c.png --size 0x5
 expect 2 "--size" "$nacre" render $asset -o c.png --size 64
 expect 2 "--orbit" "$nacre" render $asset -o c.png --orbit 10
+for bad in nan 0 171 inf; do expect 2 "--fov" "$nacre" render $asset -o c.png --fov $bad; done
 expect 2 "--camera" "$nacre" render $asset -o c.png --camera "$sample:test"
 expect 2 "images 0 to 7" "$nacre" render $asset -o c.png --camera "$sample:test:8"
 expect 1 "c.png" bash -c 'ulimit -f 1; exec "$@"' _ "$nacre" render $asset -o c.png --size 256x256
