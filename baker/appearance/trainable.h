@@ -38,8 +38,9 @@ public:
     virtual void copySplat(size_t from, size_t to) = 0;          // clears the optimiser state of `to`
     virtual void permute(std::span<const uint32_t> order) = 0;
 
-    /// `progress` in [0, 1] sets learning rates and which bands are in use; `step` counts from 1; `random` are three numbers in [0, 1).
-    virtual void beginStep(double progress, int step, const float random[3]) = 0;
+    /// `progress` in [0, 1] sets learning rates and which bands are in use, `pace` scales the rates; `step` counts from 1; `random` are
+    /// three numbers in [0, 1).
+    virtual void beginStep(double progress, double pace, int step, const float random[3]) = 0;
     /// colors[visible][kColorStride], three per light.
     virtual void forward(const VisibleView& view, const LitView& lit, float* colors) = 0;
     /// Steps every visible splat with active[visible] != 0. Call after forward of the same view.

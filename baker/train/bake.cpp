@@ -35,6 +35,7 @@ constexpr int kDensifyEvery = 100;          // steps, and at least one pass thro
 constexpr double kDensifyFrom = 0.02, kDensifyUntil = 0.5; // of the bake
 constexpr double kGrowth = 1.06;            // per densification
 constexpr double kCheckpointSeconds = 60;
+constexpr double kReferencePasses = 40;     // through the cameras: the learning rates are tuned for a bake of this length
 constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -109,7 +110,8 @@ private:
     double progress() const;
     Status checkLights(const VisualHull& hull);
     Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, bool* anyBackground);
-    Result<LossStats> trainStep(int step, double progress);
+    Result<LossStats> trainStep(const Trainer::Moment& moment);
+    double pace(double progress) const;
     Status track();
     Status checkpoint();
     void report(const char* stage, double progress);
@@ -122,7 +124,9 @@ private:
     const std::function<void(const BakeProgress&)>& report_;
     const std::atomic<bool>* cancel_;
     double start_;              // of the bake; after a resume, as if it had never been interrupted
-    double resumedProgress_ = 0, resumedSeconds_ = 0, lastReport_ = 0, recentPsnr_ = 0;
+    double startedProgress_ = 0; // when this process began to train
+    int resumedStep_ = 0;
+    double resumedSeconds_ = 0, lastReport_ = 0, recentPsnr_ = 0;
     const OlatSplit* train_ = nullptr;
     int iterations_ = 0;
     bool byTime_ = false;       // --minutes; else by iterations
@@ -152,7 +156,7 @@ void Bake::report(const char* stage, double progress)
 {
     lastReport_ = now();
     if (!report_) return;
-    const double seconds = elapsed(), done = progress - resumedProgress_; // how much of the bake this process has done
+    const double seconds = elapsed(), done = progress - startedProgress_; // how much of the bake this process has done
     double left = -1;
     if (byTime_) left = std::max(0.0, 60 * options_.minutes - seconds);
     else if (done > 0.01) left = (seconds - resumedSeconds_) * (1 - progress) / done;
@@ -268,9 +272,9 @@ Status Bake::prepare()
     return ok();
 }
 
-Result<LossStats> Bake::trainStep(int step, double progress)
+Result<LossStats> Bake::trainStep(const Trainer::Moment& moment)
 {
-    const CameraImages view = order_->at(step);
+    const CameraImages view = order_->at(moment.step);
     std::vector<std::shared_ptr<const PreparedImage>> held;
     const PreparedImage* references[kMaxLightsPerStep];
     Light lights[kMaxLightsPerStep];
@@ -281,7 +285,7 @@ Result<LossStats> Bake::trainStep(int step, double progress)
         references[i] = held.back().get();
         lights[i] = train_->images[view.images[i]].light;
     }
-    return trainer_->step(train_->cameras[view.camera], std::span(lights, view.images.size()), references, progress, step);
+    return trainer_->step(train_->cameras[view.camera], std::span(lights, view.images.size()), references, moment);
 }
 
 Status Bake::track()
@@ -329,15 +333,30 @@ Status Bake::resume()
     state_ = std::move(*state);
     start_ = now() - state_.seconds;
     resumedSeconds_ = state_.seconds;
-    resumedProgress_ = progress();
     return ok();
 }
 
 // Writing the asset takes a moment too: 1 % of a budget in minutes is left for it.
 double Bake::progress() const { return byTime_ ? elapsed() / (0.99 * 60 * options_.minutes) : double(state_.step) / iterations_; }
 
+// A bake of more than kReferencePasses takes smaller steps, so that it travels the same way more finely. More travel would fit the noise
+// of the training images: bunny_wax at full rates had 26.0 dB held-out after 6 k steps and 25.7 dB after 18 k, while 3 k steps give 26.9 dB.
+double Bake::pace(double progress) const
+{
+    double steps = iterations_; // of the whole bake
+    if (byTime_) {
+        constexpr double kGuessSeconds = 0.03; // a step, until the clock says better
+        const int done = state_.step - resumedStep_;
+        const double perStep = done > 20 ? (progress - startedProgress_) / done : kGuessSeconds / (60 * options_.minutes);
+        steps = 1.0 / std::max(perStep, 1e-9);
+    }
+    return std::min(1.0, kReferencePasses * double(order_->passLength()) / steps);
+}
+
 Status Bake::train()
 {
+    resumedStep_ = state_.step;
+    startedProgress_ = progress();
     double lastCheckpoint = now(), psnrSum = 0;
     int psnrCount = 0;
     LossStats pass; // since the last whole pass through the cameras
@@ -355,7 +374,7 @@ Status Bake::train()
         }
 
         ++state_.step, ++state_.stepsSinceReset;
-        auto stats = trainStep(state_.step, at);
+        auto stats = trainStep({state_.step, at, pace(at)});
         if (!stats) return stats.error();
         if (!std::isfinite(stats->loss))
             return Error{ErrorCode::kIo, "training diverged at step " + std::to_string(state_.step) + ": the loss is not finite"};

@@ -4,6 +4,7 @@
 #include "splat/random.h"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
 #include <numeric>
@@ -57,7 +58,7 @@ Trainer::Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppeara
 {
 }
 
-void Trainer::initialize(std::span<const SurfacePoint> points, float spacing, bool flat)
+void Trainer::initialize(std::span<const SurfacePoint> points, float spacing, bool flat, float opacity)
 {
     geometry_.resize(points.size());
     for (size_t i = 0; i < points.size(); ++i) {
@@ -68,7 +69,7 @@ void Trainer::initialize(std::span<const SurfacePoint> points, float spacing, bo
         // Shortest rotation of +Z onto the normal.
         r[6] = 1 + n[2], r[7] = -n[1], r[8] = n[0], r[9] = 0;
         if (n[2] < -0.9999f) r[6] = 0, r[7] = 1, r[8] = 0;
-        r[10] = logit(0.5f);
+        r[10] = logit(opacity);
         geometry_.activate(i);
     }
     appearance_->resize(points.size());
@@ -98,18 +99,20 @@ void Trainer::render(const Camera& camera, std::span<const Light> lights, std::v
     rasterForward(builder_.visible, builder_.tiles, colors_.data(), 3 * int(lights.size()), planes.data());
 }
 
-LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, double progress,
-                        int step)
+LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references,
+                        const Moment& moment)
 {
     StageClock clock(stageSeconds);
     const int channels = 3 * int(lights.size());
-    Random random(options_.seed, uint64_t(step) << 8 | 1);
+    Random random(options_.seed, uint64_t(moment.step) << 8 | 1);
     const float uniform[3] = {random.uniform(), random.uniform(), random.uniform()};
-    appearance_->beginStep(progress, step, uniform);
+    appearance_->beginStep(moment.progress, moment.pace, moment.step, uniform);
 
     const VisibleView view = project(camera);
     const VisibleSplats& visible = builder_.visible;
     lastVisible = visible.count(), lastEntries = builder_.tiles.entries.size();
+    lastBlocks = 0;
+    for (const TileEntry& e : builder_.tiles.entries) lastBlocks += size_t(std::popcount(e.blockMask));
     clock.end(kStageBin);
     stageSeconds[kStageBin] -= builder_.projectSeconds, stageSeconds[kStageProject] += builder_.projectSeconds;
 
@@ -139,13 +142,13 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
         gradientSum_[i] += gradientScale * std::hypot(dSplats_[v].mean[0], dSplats_[v].mean[1]);
         ++seen_[i];
     }
-    const float fall = float(std::pow(kFinalRate, progress));
+    const float fall = float(moment.pace * std::pow(kFinalRate, moment.progress));
     const GeometryRates rates{kRatePosition * options_.sceneSize * fall, kRateScale * fall, kRateRotation * fall, kRateOpacity * fall};
     // Geometry moves after the appearance has used it: both gradients belong to the same state.
     clock.end(kStageGeometryBack);
     appearance_->backwardAndStep(view, lit, active_.data(), dColors_.data());
     clock.end(kStageShadeBack);
-    stepGeometry(geometry_, view_, visible.splatFromVisible, dSplats_.data(), active_.data(), rates, step, kOpacityPull);
+    stepGeometry(geometry_, view_, visible.splatFromVisible, dSplats_.data(), active_.data(), rates, moment.step, kOpacityPull);
     clock.end(kStageGeometryBack);
     return stats;
 }

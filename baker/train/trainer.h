@@ -28,10 +28,16 @@ public:
     Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppearance> appearance);
 
     /// Splats at the points, `spacing` apart: discs across the normals, or balls if not `flat`.
-    void initialize(std::span<const SurfacePoint> points, float spacing, bool flat);
+    void initialize(std::span<const SurfacePoint> points, float spacing, bool flat, float opacity = 0.5f);
 
-    /// One camera under up to kMaxLightsPerStep lights. `progress` in [0, 1], `step` from 1.
-    LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, double progress, int step);
+    /// Where a step stands in the bake.
+    struct Moment {
+        int step = 1;        // from 1
+        double progress = 0; // [0, 1]: rates fall and bands are switched on with it
+        double pace = 1;     // scales all rates
+    };
+    /// One camera under up to kMaxLightsPerStep lights.
+    LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, const Moment& moment);
 
     /// Renders without learning; planes as rasterForward, three per light plus alpha.
     void render(const Camera& camera, std::span<const Light> lights, std::vector<float>& planes);
@@ -48,7 +54,7 @@ public:
     bool load(ByteReader& in);
 
     std::array<double, kStageCount> stageSeconds{}; // accumulated by step()
-    size_t lastVisible = 0, lastActive = 0, lastEntries = 0;
+    size_t lastVisible = 0, lastActive = 0, lastEntries = 0, lastBlocks = 0; // (splat, tile) and (splat, 4x4 block) pairs
 
 private:
     VisibleView project(const Camera& camera);

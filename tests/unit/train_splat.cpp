@@ -77,7 +77,7 @@ void train(Trainer& trainer, int first, int last)
         const size_t k = size_t(step) % cameras.size();
         const PreparedImage image = disc(cameras[k], alphas[k]);
         const PreparedImage* reference = &image;
-        trainer.step(cameras[k], std::span(&light, 1), &reference, step / 100.0, step);
+        trainer.step(cameras[k], std::span(&light, 1), &reference, {step, step / 100.0});
     }
 }
 
@@ -268,7 +268,7 @@ TEST_CASE("numerics that bite: a training step leaves every parameter finite and
     const PreparedImage image = disc(camera, masks[2]);
     const PreparedImage* reference = &image;
     for (int step = 1; step <= 30; ++step) {
-        CHECK(std::isfinite(trainer.step(camera, std::span(&light, 1), &reference, 0.3, step).loss));
+        CHECK(std::isfinite(trainer.step(camera, std::span(&light, 1), &reference, {step, 0.3}).loss));
         if (step == 15) trainer.densify(16);
     }
     SplatAsset asset;

@@ -52,14 +52,14 @@ public:
     void copySplat(size_t from, size_t to) override { parameters_.copySplat(from, to); }
     void permute(std::span<const uint32_t> order) override { parameters_.permute(order); }
 
-    void beginStep(double progress, int step, const float random[3]) override
+    void beginStep(double progress, double pace, int step, const float random[3]) override
     {
         const int degree = std::min(4, int(progress / kBandEvery));
         bands_.direct = bands_.indirect = functionsOfDegree(degree);
         bands_.scatter = progress < kScatterStart
                              ? 0
                              : std::min(parameters_.sFunctions, functionsOfDegree(std::min(4, int((progress - kScatterStart) / kBandEvery))));
-        const float fall = float(std::pow(kFinalRate, progress));
+        const float fall = float(pace * std::pow(kFinalRate, progress));
         for (const ChannelRow& c : kChannels)
             for (int group = c.group; group <= c.last; ++group) update_.rate[group] = c.rate * fall;
         update_.step = step;
