@@ -236,22 +236,15 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
 struct Adam {
     V oneMinusBeta1, beta1, rate;
     hn::Mask<D> on;
-    HWY_INLINE void step(float* value, float* momentum, V gradient, float keep) const
+    HWY_INLINE void step(float* value, float* momentum, V gradient) const
     {
         const D d;
         const V m = hn::Load(d, momentum), x = hn::Load(d, value);
         const V newM = hn::MulAdd(beta1, m, hn::Mul(oneMinusBeta1, gradient));
         hn::Store(hn::IfThenElse(on, newM, m), d, momentum);
-        hn::Store(hn::IfThenElse(on, hn::NegMulAdd(rate, newM, hn::Mul(x, set(keep))), x), d, value);
+        hn::Store(hn::IfThenElse(on, hn::NegMulAdd(rate, newM, x), x), d, value);
     }
 };
-
-// What the smoothing prior leaves of a coefficient of degree l (Laplacian energy on the sphere): decay[l], for pairs decay[a] + decay[b].
-HWY_INLINE float degreeDecay(int function, float rate, float smoothing)
-{
-    const int l = function < 1 ? 0 : function < 4 ? 1 : function < 9 ? 2 : function < 16 ? 3 : 4;
-    return rate * smoothing * float(l * (l + 1));
-}
 
 // Folds the mean square gradient of a group into its second moment and returns the step size rate / sqrt(v).
 HWY_INLINE V stepSize(float* secondMoment, V meanSquare, float rate, const BigsUpdate& u, hn::Mask<D> on)
@@ -331,14 +324,12 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
 
         const V oneMinusBeta1 = set(1 - update.beta1), beta1 = set(update.beta1);
         V gradient[75];
-        const auto stepGroup = [&](BigsGroup group, int first, int count, int perFunction) {
+        const auto stepGroup = [&](BigsGroup group, int first, int count) {
             V square = zero();
             for (int k = 0; k < count; ++k) square = hn::MulAdd(gradient[k], gradient[k], square);
             const V rate = stepSize(second + group * kLanes16, hn::Mul(square, set(1.0f / float(count))), update.rate[group], update, on);
             const Adam adam{oneMinusBeta1, beta1, rate, on};
-            for (int k = 0; k < count; ++k)
-                adam.step(value + (first + k) * kLanes16, momentum + (first + k) * kLanes16, gradient[k],
-                          1 - degreeDecay(k / perFunction, update.rate[group], update.smoothing));
+            for (int k = 0; k < count; ++k) adam.step(value + (first + k) * kLanes16, momentum + (first + k) * kLanes16, gradient[k]);
         };
 
         // h[i][c] = sum_t d(rho+s)_t,c y_i(w_t): the whole gradient of s is h y^T + y h^T
@@ -370,7 +361,7 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
                 gradient[k] = zero();
                 for (int l = 0; l < lights; ++l) gradient[k] = hn::MulAdd(g[l].direct, dir.yLight[l][k], gradient[k]);
             }
-            stepGroup(kGroupDirect, kTDir, bands.direct, 1);
+            stepGroup(kGroupDirect, kTDir, bands.direct);
         }
         if (update.rate[kGroupIndirect] > 0 && bands.indirect > 0) {
             for (int k = 0; k < bands.indirect; ++k)
@@ -379,14 +370,14 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
                     for (int l = 0; l < lights; ++l) sum = hn::MulAdd(g[l].indirect[c], dir.yLight[l][k], sum);
                     gradient[3 * k + c] = sum;
                 }
-            stepGroup(kGroupIndirect, kTInd, 3 * bands.indirect, 3);
+            stepGroup(kGroupIndirect, kTInd, 3 * bands.indirect);
         }
         if (update.rate[kGroupRho] > 0) {
             for (int c = 0; c < 3; ++c) {
                 gradient[c] = zero();
                 for (int l = 0; l < lights; ++l) gradient[c] = hn::Add(gradient[c], g[l].scatter[c]);
             }
-            stepGroup(kGroupRho, kRho, 3, 3);
+            stepGroup(kGroupRho, kRho, 3);
             for (int c = 0; c < 3; ++c) { // the albedo stays physical
                 float* rho = value + (kRho + c) * kLanes16;
                 hn::Store(hn::Min(hn::Max(hn::Load(d, rho), zero()), set(1)), d, rho);
@@ -420,15 +411,13 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
             const Adam adam{oneMinusBeta1, beta1, rate, on};
             for (int b = b0; b < b1; ++b) {
                 const size_t row = size_t(kScatter + 3 * (b * (b + 1) / 2)) * kLanes16;
-                for (int a = 0; a <= b; ++a) {
-                    const float keep = 1 - degreeDecay(a, update.rate[group], update.smoothing) - degreeDecay(b, update.rate[group], update.smoothing);
+                for (int a = 0; a <= b; ++a)
                     for (int c = 0; c < 3; ++c) {
                         V slope = hn::Mul(h[3 * a + c], dir.yView[b]);
                         if (a < b) slope = hn::MulAdd(h[3 * b + c], dir.yView[a], slope);
                         if (a == 0 && update.energyWeight > 0) slope = hn::Add(slope, energy[3 * b + c]);
-                        adam.step(value + row + (3 * a + c) * kLanes16, momentum + row + (3 * a + c) * kLanes16, slope, keep);
+                        adam.step(value + row + (3 * a + c) * kLanes16, momentum + row + (3 * a + c) * kLanes16, slope);
                     }
-                }
             }
         }
     }
