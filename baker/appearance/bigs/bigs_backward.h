@@ -26,14 +26,7 @@ NACRE_HD inline void bigsTransportBackward(const BigsTerms<T>& t, const T dTrans
     d.direct += pass(t.direct, dDirect);
 }
 
-/// Weights of the regularisers of BiGS eq. 13, per Gaussian and direction pair.
-template <class T>
-struct BigsRegularizers {
-    T positive; // eq. 15: squares of what the clamps cut off, of T_dir, T_ind and rho + s
-    T energy;   // eq. 14: (integral of s over w_o - 1)^2 where positive
-};
-
-/// Adds the gradient of positive * (min(T_dir,0)^2 + sum_c min(T_ind,0)^2 + sum_c min(rho+s,0)^2) to `d`.
+/// Adds the gradient of weight * (min(T_dir,0)^2 + sum_c min(T_ind,0)^2 + sum_c min(rho+s,0)^2) to `d` (BiGS eq. 15).
 template <class T>
 NACRE_HD inline void bigsPositiveBackward(const BigsTerms<T>& t, T weight, BigsTerms<T>& d)
 {
@@ -74,7 +67,7 @@ NACRE_HD inline void bigsTermsBackward(int sFunctions, const T* yView, const T* 
     }
 }
 
-/// Adds the gradient of weight * sum_c max(energy_c - 1, 0)^2.
+/// Adds the gradient of weight * sum_c max(energy_c - 1, 0)^2 (BiGS eq. 14).
 template <class T>
 NACRE_HD inline void bigsEnergyBackward(const BigsCoefficients<T>& g, const T* yLight, T weight, BigsGradient<T>& out)
 {

@@ -50,7 +50,7 @@ struct BigsUpdate {
     float rate[kBigsGroups] = {};
     float beta1 = 0.9f, beta2 = 0.99f;
     int step = 1;                     // from 1, for bias correction
-    float positiveWeight = 0, energyWeight = 0; // BigsRegularizers, already divided by the number of splats
+    float positiveWeight = 0, energyWeight = 0; // of BiGS eq. 15 and 14, already divided by the number of splats
 };
 
 constexpr int kBigsTermStride = 36;   // floats per visible splat: 7 per light and for the random light
