@@ -27,7 +27,7 @@ public:
                             {c.rotations[i].w, c.rotations[i].x, c.rotations[i].y, c.rotations[i].z},
                             c.opacities[i]};
         tDir_ = asset_.find("tDir"), tInd_ = asset_.find("tInd"), rho_ = asset_.find("rho"), s_ = asset_.find("s");
-        while (s_ && uint32_t(3 * bigsPairCount(sFunctions_)) < s_->components) ++sFunctions_;
+        sFunctions_ = s_ ? bigsScatterFunctions(s_->components) : 0;
     }
 
     Result<Image> render(const Camera& camera, std::span<const Light> lights) override

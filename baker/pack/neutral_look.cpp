@@ -141,13 +141,6 @@ void sampleRadiance(const BigsCoefficients<float>& g, std::span<const Incident> 
     }
 }
 
-int functionsOf(const Channel* s)
-{
-    for (int functions : {1, 4, 9, 16, 25})
-        if (s && int(s->components) == 3 * bigsPairCount(functions)) return functions;
-    return 0;
-}
-
 } // namespace
 
 Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Light> allLights)
@@ -165,7 +158,7 @@ Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Ligh
     static const ViewSamples views = makeViewSamples();
     const Channel &tDir = *asset.find("tDir"), &tInd = *asset.find("tInd"), &rho = *asset.find("rho");
     const Channel* s = asset.find("s");
-    const int sFunctions = functionsOf(s);
+    const int sFunctions = s ? bigsScatterFunctions(s->components) : 0;
 
     NeutralLook look;
     look.shFunctions = kFunctions;

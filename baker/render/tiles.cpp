@@ -5,7 +5,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <bit>
 #include <chrono>
 #include <cmath>
 
@@ -46,23 +45,16 @@ void TileBuilder::project(const View<float>& view, std::span<const GaussianGeome
     }
 }
 
-// LSD radix sort on the distance bits (positive floats order like their bits); the splat index rides along and breaks ties.
+// Stable, so the splat index breaks ties.
 void TileBuilder::sort()
 {
     const size_t n = unsortedSplats_.size();
-    keys_.resize(n), keysTemp_.resize(n);
-    for (size_t i = 0; i < n; ++i) keys_[i] = uint64_t(std::bit_cast<uint32_t>(unsortedProjected_[i].distance)) << 32 | i;
-    constexpr int kDigitBits = 11;
-    for (int shift = 32; shift < 64; shift += kDigitBits) {
-        uint32_t start[(1 << kDigitBits) + 1] = {};
-        for (uint64_t key : keys_) ++start[((key >> shift) & ((1 << kDigitBits) - 1)) + 1];
-        for (int d = 0; d < (1 << kDigitBits); ++d) start[d + 1] += start[d];
-        for (uint64_t key : keys_) keysTemp_[start[(key >> shift) & ((1 << kDigitBits) - 1)]++] = key;
-        keys_.swap(keysTemp_);
-    }
+    keys_.resize(n), order_.resize(n);
+    for (size_t i = 0; i < n; ++i) keys_[i] = radixKey(unsortedProjected_[i].distance), order_[i] = uint32_t(i);
+    radixSort<uint32_t>(keys_, order_, sortScratch_);
     visible.splatFromVisible.resize(n), visible.projected.resize(n);
     for (size_t v = 0; v < n; ++v) {
-        const uint32_t i = uint32_t(keys_[v]);
+        const uint32_t i = order_[v];
         visible.splatFromVisible[v] = unsortedSplats_[i];
         visible.projected[v] = unsortedProjected_[i];
     }

@@ -2,6 +2,7 @@
 // which splats touch which of its 4x4 blocks. Deterministic for any thread count.
 #pragma once
 
+#include "base/radix_sort.h"
 #include "render/projection.h"
 
 #include <cstdint>
@@ -52,7 +53,8 @@ private:
     void sort();
     void bin();
     std::vector<Chunk> chunks_;
-    std::vector<uint64_t> keys_, keysTemp_;
+    std::vector<uint32_t> keys_, order_;
+    RadixScratch<uint32_t> sortScratch_;
     std::vector<ProjectedGaussian<float>> unsortedProjected_;
     std::vector<uint32_t> unsortedSplats_, fill_;
 };

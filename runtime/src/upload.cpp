@@ -237,7 +237,7 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
         if (Failure f = checkHalfRange(channel)) return f;
 
     asset.count = uint32_t(source.cloud.count);
-    while (s && 3 * uint32_t(bigsPairCount(asset.sFunctions)) < s->components) ++asset.sFunctions;
+    asset.sFunctions = s ? bigsScatterFunctions(s->components) : 0;
     asset.lowPassVariance = source.lowPassVariance;
     asset.yUpFromAsset = source.yUpFromAsset;
     asset.positions = source.cloud.positions;

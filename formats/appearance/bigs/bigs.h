@@ -18,6 +18,13 @@ namespace nacre {
 constexpr int kBigsTransportFunctions = 25;
 
 NACRE_HD constexpr int bigsPairCount(int sFunctions) { return sFunctions * (sFunctions + 1) / 2; }
+/// How many functions of s a channel of `components` floats per splat holds; 0 if it is none of the accepted sizes.
+NACRE_HD constexpr int bigsScatterFunctions(uint32_t components)
+{
+    for (int degree = 0; degree <= 4; ++degree)
+        if (components == uint32_t(3 * bigsPairCount((degree + 1) * (degree + 1)))) return (degree + 1) * (degree + 1);
+    return 0;
+}
 NACRE_HD constexpr int bigsPair(int a, int b) { return a <= b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b; }
 
 /// One Gaussian's coefficients.
