@@ -2,10 +2,8 @@
 #pragma once
 
 #include "base/camera.h"
-#include "base/result.h"
 
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <vector>
 

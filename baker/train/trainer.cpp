@@ -7,7 +7,6 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
-#include <numeric>
 
 namespace nacre {
 
@@ -111,8 +110,6 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     const VisibleView view = project(camera);
     const VisibleSplats& visible = builder_.visible;
     lastVisible = visible.count(), lastEntries = builder_.tiles.entries.size();
-    lastBlocks = 0;
-    for (const TileEntry& e : builder_.tiles.entries) lastBlocks += size_t(std::popcount(e.blockMask));
     clock.end(kStageBin);
     stageSeconds[kStageBin] -= builder_.projectSeconds, stageSeconds[kStageProject] += builder_.projectSeconds;
 
@@ -151,6 +148,13 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     stepGeometry(geometry_, view_, visible.splatFromVisible, dSplats_.data(), active_.data(), rates, moment.step, kOpacityPull);
     clock.end(kStageGeometryBack);
     return stats;
+}
+
+size_t Trainer::lastBlocks() const
+{
+    size_t blocks = 0;
+    for (const TileEntry& e : builder_.tiles.entries) blocks += size_t(std::popcount(e.blockMask));
+    return blocks;
 }
 
 void Trainer::resetStatistics()

@@ -54,7 +54,8 @@ public:
     bool load(ByteReader& in);
 
     std::array<double, kStageCount> stageSeconds{}; // accumulated by step()
-    size_t lastVisible = 0, lastActive = 0, lastEntries = 0, lastBlocks = 0; // (splat, tile) and (splat, 4x4 block) pairs
+    size_t lastVisible = 0, lastActive = 0, lastEntries = 0; // of the last step; entries are (splat, tile) pairs
+    size_t lastBlocks() const;                               // its (splat, 4x4 block) pairs, counted here
 
 private:
     VisibleView project(const Camera& camera);

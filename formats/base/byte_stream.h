@@ -66,7 +66,6 @@ public:
         offset_ += count * sizeof(v[0]);
     }
     size_t remaining() const { return bytes_.size() - offset_; }
-    size_t offset() const { return offset_; }
     bool failed = false;
 
 private:

@@ -30,7 +30,7 @@ namespace nacre {
     X(PIXELSTOREI, PixelStorei) X(POLYGONMODE, PolygonMode) X(SHADERSOURCE, ShaderSource) X(TEXIMAGE2D, TexImage2D)              \
     X(TEXIMAGE3D, TexImage3D) X(TEXPARAMETERI, TexParameteri) X(TEXSUBIMAGE2D, TexSubImage2D)                                    \
     X(TEXSUBIMAGE3D, TexSubImage3D) X(UNIFORM1F, Uniform1f) X(UNIFORM1I, Uniform1i) X(UNIFORM2F, Uniform2f)                      \
-    X(UNIFORM3F, Uniform3f) X(UNIFORM4F, Uniform4f) X(UNIFORMMATRIX3FV, UniformMatrix3fv)                                        \
+    X(UNIFORM3F, Uniform3f) X(UNIFORMMATRIX3FV, UniformMatrix3fv)                                        \
     X(UNIFORMMATRIX4FV, UniformMatrix4fv) X(USEPROGRAM, UseProgram) X(VIEWPORT, Viewport)
 
 // Null where the context is older: indexed blending (4.0) and indexed viewports (4.1), which plain calls would overwrite.

@@ -138,7 +138,7 @@ int main(int argc, char** argv)
         if (k < 10) continue;
         total.push_back(1e3 * (now() - start));
         for (int s = 0; s < kStageCount; ++s) stage[s].push_back(1e3 * trainer.stageSeconds[s]);
-        visible += double(trainer.lastVisible) / steps, active += double(trainer.lastActive) / steps, entries += double(trainer.lastEntries) / steps, blocks += double(trainer.lastBlocks) / steps;
+        visible += double(trainer.lastVisible) / steps, active += double(trainer.lastActive) / steps, entries += double(trainer.lastEntries) / steps, blocks += double(trainer.lastBlocks()) / steps;
     }
     const auto median = [](std::vector<double> v) {
         std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end());

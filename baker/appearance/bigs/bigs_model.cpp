@@ -17,10 +17,10 @@ struct ChannelRow {
     float rate;
 };
 constexpr ChannelRow kChannels[] = {
-    {"tDir", 0, 25, kGroupDirect, kGroupDirect, 5e-3f},
-    {"tInd", 25, 75, kGroupIndirect, kGroupIndirect, 3e-3f},
-    {"rho", 100, 3, kGroupRho, kGroupRho, 5e-3f},
-    {"s", 103, 0, kGroupScatter0, BigsGroup(kBigsGroups - 1), 1e-3f},
+    {"tDir", kTDir, 25, kGroupDirect, kGroupDirect, 5e-3f},
+    {"tInd", kTInd, 75, kGroupIndirect, kGroupIndirect, 3e-3f},
+    {"rho", kRho, 3, kGroupRho, kGroupRho, 5e-3f},
+    {"s", kScatter, 0, kGroupScatter0, BigsGroup(kBigsGroups - 1), 1e-3f},
 };
 constexpr double kFinalRate = 0.01;
 // When the bands are switched on, as fractions of the bake: degree d of T_dir and T_ind at d * kBandEvery, of s from kScatterStart.
@@ -44,8 +44,8 @@ public:
         const size_t old = parameters_.count;
         parameters_.resize(count);
         for (size_t i = old; i < count; ++i) {
-            parameters_.value[parameters_.index(i, 0)] = 0.5f / 0.28209479f; // T_dir = 0.5 in every direction
-            for (int c = 0; c < 3; ++c) parameters_.value[parameters_.index(i, 100 + c)] = 0.3f;
+            parameters_.value[parameters_.index(i, kTDir)] = 0.5f / 0.28209479f; // T_dir = 0.5 in every direction
+            for (int c = 0; c < 3; ++c) parameters_.value[parameters_.index(i, kRho + c)] = 0.3f;
         }
     }
 

@@ -18,7 +18,6 @@
 #define NACRE_BIGS_SHARED
 namespace nacre {
 
-constexpr int kTDir = 0, kTInd = 25, kRho = 100, kScatter = 103; // first coefficient of each channel
 constexpr int kTermsPerLight = 7;                                // direct, scatter rgb, indirect rgb
 
 /// One block's splats, gathered from the per-splat arrays.

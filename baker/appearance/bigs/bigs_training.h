@@ -6,6 +6,7 @@
 // bound by memory, and noise averaged over the group.
 #pragma once
 
+#include "appearance/bigs/bigs.h"
 #include "appearance/trainable.h"
 #include "render/aligned_vector.h"
 
@@ -17,6 +18,8 @@ namespace nacre {
 
 constexpr int kLanes16 = 16;
 
+constexpr int kTDir = 0, kTInd = 25, kRho = 100, kScatter = 103; // first coefficient of each channel
+
 enum BigsGroup { kGroupDirect, kGroupIndirect, kGroupRho, kGroupScatter0, kBigsGroups = kGroupScatter0 + 5 };
 
 struct BigsParameters {
@@ -25,7 +28,7 @@ struct BigsParameters {
     AlignedVector<float> value, momentum; // [blocks][coefficients()][16]
     AlignedVector<float> secondMoment;    // [blocks][kBigsGroups][16]
 
-    int coefficients() const { return 103 + 3 * (sFunctions * (sFunctions + 1) / 2); }
+    int coefficients() const { return kScatter + 3 * bigsPairCount(sFunctions); }
     size_t blocks() const { return (count + kLanes16 - 1) / kLanes16; }
     size_t index(size_t splat, int k) const { return (splat / kLanes16 * coefficients() + k) * kLanes16 + splat % kLanes16; }
     void resize(size_t newCount);     // new splats are zero
