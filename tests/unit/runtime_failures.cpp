@@ -25,6 +25,11 @@ static thread_local size_t largestAllocation = ~size_t(0); // larger ones fail
     if (!p) throw std::bad_alloc();
     return p;
 }
+// ASan brings its own of this one, which the delete below would not match.
+[[gnu::noinline]] void* operator new(size_t size, const std::nothrow_t&) noexcept
+{
+    return size <= largestAllocation ? std::malloc(std::max(size, size_t(1))) : nullptr;
+}
 [[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
 [[gnu::noinline]] void operator delete(void* p, size_t) noexcept { std::free(p); }
 
