@@ -1,0 +1,90 @@
+// A unidirectional path tracer that renders one camera under many lights at once: every light is evaluated from the same path
+// vertices, so that an OLAT image costs little more than its shadow rays. See path_tracer.cpp for the method.
+#pragma once
+
+#include "base/camera.h"
+#include "base/image.h"
+#include "base/light.h"
+#include "base/result.h"
+#include "light_stage/hair_strands.h"
+#include "mesh/mesh_scene.h"
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace nacre {
+
+/// What lies beneath a surface that scatters light inside (random walk after Chiang, Kutz and Burley 2016).
+enum class SubsurfaceBoundary : uint8_t {
+    kDiffuse,    // light enters and leaves with a cosine distribution under the material's specular layer (Chiang et al.; Cycles)
+    kNone,       // index-matched: light goes straight through the surface
+    kDielectric, // rough GGX dielectric of the material's roughness and ior
+};
+
+/// Makes a material a scattering volume, in place of what the glTF file says.
+struct SubsurfaceOverride {
+    std::string material;               // name, or "#index", or "*" for all
+    glm::vec3 albedo{-1.0f};            // multiple-scattering (diffuse reflectance) albedo of a half space, [0, 1]
+    glm::vec3 singleScatterAlbedo{-1.0f}; // sigma_s / sigma_t; one of the two albedos is given
+    glm::vec3 meanFreePath{0.01f};      // 1 / sigma_t, in the units of the mesh file (metres)
+    float anisotropy = 0.0f;            // Henyey-Greenstein g, (-1, 1)
+    SubsurfaceBoundary boundary = SubsurfaceBoundary::kDiffuse;
+};
+
+/// All geometry in one world frame. `unitsPerMetre` scales lengths of materials (attenuation distance, mean free path) to it.
+struct StageScene {
+    MeshScene mesh;
+    HairStrands hair;
+    std::vector<SubsurfaceOverride> subsurface;
+    float unitsPerMetre = 1.0f;
+};
+
+struct RenderSettings {
+    int samplesPerPixel = 64;      // rounded up to a multiple of kSamplesPerPass
+    float noiseTarget = 0.0f;      // > 0: stop before samplesPerPixel when every image's estimated error is below it (RenderStats::noise)
+    uint64_t seed = 0;             // same seed, camera and lights: same bytes, for any number of threads
+    int maxBounces = 64;           // path vertices on surfaces; Russian roulette ends most paths long before
+    int threads = 0;               // 0: all
+    const std::atomic<bool>* stop = nullptr;            // polled; a stopped render is an error kCancelled
+    std::function<void(double fraction)> progress;      // called from one thread at a time, fraction of the samples done
+};
+constexpr int kSamplesPerPass = 16;
+
+struct RenderStats {
+    int samplesPerPixel = 0;       // taken
+    std::vector<float> noise;      // per light: standard error of object pixels' luminance, root mean square, over their mean luminance
+    double seconds = 0;
+    uint64_t pathRays = 0, shadowRays = 0, walkRays = 0;
+    double leakedWalks = 0;        // share of random walks that left through a hole of an open surface
+    double cutWalks = 0;           // share of random walks cut at the step limit
+};
+
+class PathTracer {
+public:
+    /// Builds the ray acceleration structures. Errors kBadInput: an override that matches no material, an environment map that does
+    /// not load (at render). Warnings name what is rendered differently from what was asked.
+    static Result<PathTracer> create(StageScene scene);
+    PathTracer(PathTracer&&) noexcept;
+    PathTracer& operator=(PathTracer&&) noexcept;
+    ~PathTracer();
+
+    /// One image per light, linear premultiplied radiance over black, alpha = coverage. Lights of any type may be mixed.
+    /// Errors: kBadInput (environment map), kCancelled.
+    Result<std::vector<Image>> render(const Camera& camera, std::span<const Light> lights, const RenderSettings& settings,
+                                      RenderStats* stats = nullptr) const;
+
+    const std::vector<std::string>& warnings() const;
+    size_t memoryBytes() const;    // of geometry, textures and acceleration structures
+
+private:
+    struct State;
+    std::unique_ptr<State> state_;
+    explicit PathTracer(std::unique_ptr<State> state);
+};
+
+} // namespace nacre
