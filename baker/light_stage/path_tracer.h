@@ -81,8 +81,8 @@ public:
     const std::vector<std::string>& warnings() const;
     size_t memoryBytes() const;    // of geometry, textures and acceleration structures
 
+    struct State; // path_tracer.cpp
 private:
-    struct State;
     std::unique_ptr<State> state_;
     explicit PathTracer(std::unique_ptr<State> state);
 };

@@ -1,0 +1,653 @@
+// The integrator of the light stage.
+//
+// A pass follows 16 paths of one pixel side by side. At every vertex of every path, all lights are asked: a light without size (point,
+// directional) needs one shadow ray and no random number, so the image of a light is the same whichever lights share the pass.
+// The 16 shadow rays towards one light form two packets; near the camera they run almost alike, which is what packets are good
+// at. Environment maps are sampled by radiance and by the surface, combined with the power heuristic (Veach and Guibas 1995).
+//
+// A path moves through states: a ray (advance() finds the next vertex, through clear surfaces and media) or a vertex (it is lit, then
+// scatter() draws the next ray, or a random walk whose exit is the next vertex). Russian roulette weighs survivors by 1/q: no bias.
+#include "light_stage/path_tracer.h"
+
+#include "base/hash.h"
+#include "interchange/exr.h"
+#include "light_stage/environment_light.h"
+#include "light_stage/random_walk.h"
+#include "light_stage/surface.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <mutex>
+
+namespace nacre {
+
+using namespace stage;
+
+struct PathTracer::State {
+    StageScene scene;
+    std::vector<std::string> warnings;
+    std::unique_ptr<RayScene> rays;
+    std::unique_ptr<SurfaceTable> surfaces;
+};
+
+namespace {
+
+constexpr int kLanes = kSamplesPerPass;
+constexpr int kRouletteStart = 3;      // bounces before paths may end by chance
+constexpr int kMaxClearSurfaces = 256; // straight through alpha and index-matched surfaces, per ray
+
+enum class VertexKind : uint8_t { kSurface, kWalkExit, kPhase };
+
+/// Where light is gathered. Directions point away from the vertex.
+struct Vertex {
+    VertexKind kind = VertexKind::kSurface;
+    glm::vec3 position{0.0f}, ng{0, 0, 1}; // ng on the side the path came from (kSurface) or goes to (kWalkExit)
+    glm::vec3 throughput{1.0f};
+    SurfacePoint surface;                  // kSurface, kWalkExit
+    glm::vec3 travel{0, 0, 1};             // kPhase: direction before scattering
+    int medium = -1;                       // kPhase: the medium it lies in
+
+    glm::vec3 evaluate(const glm::vec3& wi, const PathTracer::State& state) const;
+    float pdf(const glm::vec3& wi, const PathTracer::State& state) const;
+};
+
+struct Lane {
+    bool alive = false, hasVertex = false, entered = false; // entered: something was hit, so an escape is no longer background
+    Vertex vertex;
+    glm::vec3 origin{0.0f}, direction{0, 0, 1}, throughput{1.0f};
+    float pdf = 0.0f;  // of `direction`; 0: the camera's or a straight continuation of it
+    int medium = -1;   // material whose medium the ray is in
+    int bounces = 0;
+    PixelSampler sampler;
+    Rng rng;
+};
+
+/// Moves a point off its surface, to the side of `n`, by more than the rounding of its coordinates.
+glm::vec3 offsetPoint(const glm::vec3& p, const glm::vec3& n)
+{
+    const float size = std::max({std::fabs(p.x), std::fabs(p.y), std::fabs(p.z), 0.05f});
+    return p + n * (4e-6f * size);
+}
+
+} // namespace
+
+glm::vec3 Vertex::evaluate(const glm::vec3& wi, const PathTracer::State& state) const
+{
+    if (kind == VertexKind::kPhase)
+        return glm::vec3(henyeyGreenstein(glm::dot(travel, wi), state.surfaces->body(medium).medium.g));
+    if (kind == VertexKind::kSurface) return surface.bsdf.evaluate(wi);
+    const float cosine = glm::dot(surface.bsdf.frame.n, wi);
+    if (!(cosine > 0.0f) || !(glm::dot(ng, wi) > 0.0f)) return glm::vec3(0.0f);
+    return glm::vec3(kInvPi * cosine * walkExitFactor(surface.bsdf, cosine));
+}
+
+float Vertex::pdf(const glm::vec3& wi, const PathTracer::State& state) const
+{
+    if (kind == VertexKind::kPhase) return henyeyGreenstein(glm::dot(travel, wi), state.surfaces->body(medium).medium.g);
+    if (kind == VertexKind::kSurface) return (1.0f - surface.chanceSubsurface) * surface.bsdf.pdf(wi);
+    return std::max(0.0f, glm::dot(surface.bsdf.frame.n, wi)) * kInvPi;
+}
+
+namespace {
+
+struct Counters {
+    uint64_t pathRays = 0, shadowRays = 0, walkRays = 0, walks = 0, leaked = 0, cut = 0;
+    void add(const Counters& c)
+    {
+        pathRays += c.pathRays, shadowRays += c.shadowRays, walkRays += c.walkRays;
+        walks += c.walks, leaked += c.leaked, cut += c.cut;
+    }
+};
+
+/// Lights of one render, split by how they are sampled.
+struct LightSet {
+    struct Delta {
+        bool point;
+        glm::vec3 place; // position, or direction to the light
+        glm::vec3 intensity;
+        size_t image;
+    };
+    struct Map {
+        EnvironmentLight light;
+        size_t image;
+    };
+    std::vector<Delta> deltas;
+    std::vector<Map> maps;
+};
+
+/// Follows the 16 paths of a pass. One per thread.
+class PassTracer {
+public:
+    PassTracer(const PathTracer::State& state, const LightSet& lights, int maxBounces)
+        : state_(state), lights_(lights), maxBounces_(maxBounces) {}
+
+    /// Adds the pass's radiance, summed over its samples, to `radiance` (3 floats per image); returns how many samples hit the object.
+    float trace(const Camera& camera, int x, int y, uint32_t passSeed, float* radiance);
+
+    Counters counters;
+
+private:
+    void advance(Lane& lane, float* radiance);
+    void lightDeltas(bool coherent, float* radiance);
+    void lightMaps(float* radiance);
+    void scatter(Lane& lane);
+    bool leaveAsWalk(Lane& lane);
+    glm::vec3 transmittance(glm::vec3 origin, const glm::vec3& direction, float distance, int medium);
+
+    const PathTracer::State& state_;
+    const LightSet& lights_;
+    const int maxBounces_;
+    std::array<Lane, kLanes> lanes_;
+    float coverage_ = 0.0f;
+
+    // The vertices of this round, ready for the shadow loop. Lambertian ones are `plain`: f cos = weight * max(0, n.w).
+    struct alignas(32) Rows {
+        float ox[kLanes], oy[kLanes], oz[kLanes];       // shadow ray origins
+        float nx[kLanes], ny[kLanes], nz[kLanes];       // shading normals
+        float gx[kLanes], gy[kLanes], gz[kLanes];       // geometric normals
+        float r[kLanes], g[kLanes], b[kLanes];          // plain: throughput * albedo / pi
+        bool plain[kLanes], lit[kLanes];
+    } rows_;
+};
+
+float PassTracer::trace(const Camera& camera, int x, int y, uint32_t passSeed, float* radiance)
+{
+    coverage_ = 0.0f;
+    const glm::dmat3 rotation(camera.worldFromCamera);
+    for (int i = 0; i < kLanes; ++i) {
+        Lane& lane = lanes_[size_t(i)];
+        lane.sampler = {passSeed, uint32_t(i)};
+        lane.rng = Rng((uint64_t(passSeed) << 32) | hashBits(uint32_t(i) + 0x51ed270bu));
+        const glm::vec2 jitter = lane.sampler.get2(0);
+        const glm::dvec3 d((x + double(jitter.x) - camera.cx) / camera.fx, -(y + double(jitter.y) - camera.cy) / camera.fy, -1.0);
+        lane.origin = glm::vec3(camera.position());
+        lane.direction = glm::vec3(glm::normalize(rotation * d));
+        lane.throughput = glm::vec3(1.0f);
+        lane.pdf = 0.0f;
+        lane.medium = -1;
+        lane.bounces = 0;
+        lane.alive = true;
+        lane.hasVertex = lane.entered = false;
+    }
+    for (bool coherent = true;; coherent = false) {
+        bool any = false;
+        for (Lane& lane : lanes_) {
+            if (lane.alive && !lane.hasVertex) advance(lane, radiance);
+            any = any || lane.alive;
+        }
+        if (!any) return coverage_;
+        if (!lights_.deltas.empty()) lightDeltas(coherent, radiance);
+        if (!lights_.maps.empty()) lightMaps(radiance);
+        for (Lane& lane : lanes_)
+            if (lane.alive) scatter(lane);
+    }
+}
+
+/// From a ray to the next vertex. The lane dies if there is none.
+void PassTracer::advance(Lane& lane, float* radiance)
+{
+    for (int clear = 0; clear < kMaxClearSurfaces; ++clear) {
+        const Body* body = lane.medium >= 0 ? &state_.surfaces->body(lane.medium) : nullptr;
+        const bool scattering = body && body->medium.scatters();
+        float event = kInfinity;
+        DistanceSampler distances(body ? body->medium : Medium{}, lane.throughput);
+        if (scattering) event = distances.sample(body->medium, lane.rng);
+        const RayHit hit = state_.rays->intersect(lane.origin, lane.direction, 0.0f, event);
+        ++counters.pathRays;
+
+        if (!hit.found() && event < kInfinity) { // scattered inside the medium
+            lane.throughput *= distances.weightToScatter(body->medium, event);
+            lane.origin += lane.direction * event;
+            if (body->invisible) { // light reaches this point straight through the boundary: a vertex
+                Vertex& v = lane.vertex;
+                v.kind = VertexKind::kPhase;
+                v.position = lane.origin;
+                v.travel = lane.direction;
+                v.medium = lane.medium;
+                v.throughput = lane.throughput;
+                lane.hasVertex = true;
+                return;
+            }
+            // Behind a refracting boundary no lamp can be joined by a straight line: walk on to the boundary.
+            lane.direction = sampleHenyeyGreenstein(lane.direction, body->medium.g, lane.rng.next2());
+            lane.pdf = 0.0f;
+            const float q = std::min(1.0f, maxOf(lane.throughput));
+            if (!(q > 0.0f) || lane.rng.next() >= q) {
+                lane.alive = false;
+                return;
+            }
+            lane.throughput /= q;
+            --clear;
+            continue;
+        }
+        if (!hit.found()) { // escaped
+            if (lane.entered)
+                for (const LightSet::Map& map : lights_.maps) {
+                    float weight = 1.0f;
+                    if (lane.pdf > 0.0f) weight = sqr(lane.pdf) / (sqr(lane.pdf) + sqr(map.light.pdf(lane.direction)));
+                    const glm::vec3 add = lane.throughput * map.light.radiance(lane.direction) * weight;
+                    for (int c = 0; c < 3; ++c) radiance[3 * map.image + size_t(c)] += add[c];
+                }
+            lane.alive = false;
+            return;
+        }
+        if (body) lane.throughput *= scattering ? distances.weightToSurface(body->medium, hit.distance) : glm::exp(-body->medium.sigmaT * hit.distance);
+
+        Vertex& v = lane.vertex;
+        v.surface = state_.surfaces->evaluate(state_.scene.mesh, hit, -lane.direction);
+        const Body& here = state_.surfaces->body(v.surface.material);
+        const glm::vec3 straightOn = offsetPoint(v.surface.position, -v.surface.bsdf.ng);
+        if (v.surface.opacity < 1.0f && lane.rng.next() >= v.surface.opacity) {
+            lane.origin = straightOn;
+            continue;
+        }
+        if (!lane.entered) coverage_ += 1.0f;
+        lane.entered = true;
+        if (here.invisible) {
+            lane.medium = v.surface.fromInside ? -1 : v.surface.material;
+            lane.origin = straightOn;
+            continue;
+        }
+        v.kind = VertexKind::kSurface;
+        v.position = v.surface.position;
+        v.ng = v.surface.bsdf.ng;
+        v.throughput = lane.throughput;
+        lane.hasVertex = true;
+        return;
+    }
+    lane.alive = false;
+}
+
+/// What is left of light that runs straight for `distance` from a point in `medium`: 0 behind anything opaque.
+glm::vec3 PassTracer::transmittance(glm::vec3 origin, const glm::vec3& direction, float distance, int medium)
+{
+    glm::vec3 left(1.0f);
+    for (int clear = 0; clear < kMaxClearSurfaces; ++clear) {
+        const RayHit hit = state_.rays->intersect(origin, direction, 0.0f, distance);
+        ++counters.shadowRays;
+        if (medium >= 0) left *= glm::exp(-state_.surfaces->body(medium).medium.sigmaT * std::min(hit.distance, distance));
+        if (!hit.found()) return left;
+        const SurfacePoint s = state_.surfaces->evaluate(state_.scene.mesh, hit, -direction);
+        if (state_.surfaces->body(s.material).invisible) {
+            medium = s.fromInside ? -1 : s.material;
+        } else {
+            left *= 1.0f - s.opacity;
+            if (s.opacity >= 1.0f) return glm::vec3(0.0f);
+        }
+        origin = offsetPoint(s.position, -s.bsdf.ng);
+        distance -= hit.distance;
+    }
+    return glm::vec3(0.0f);
+}
+
+void PassTracer::lightDeltas(bool coherent, float* radiance)
+{
+    for (int i = 0; i < kLanes; ++i) {
+        const Lane& lane = lanes_[size_t(i)];
+        const Vertex& v = lane.vertex;
+        rows_.lit[i] = lane.alive;
+        rows_.plain[i] = lane.alive && v.kind == VertexKind::kSurface && v.surface.bsdf.lambertian();
+        rows_.r[i] = rows_.g[i] = rows_.b[i] = 0.0f;
+        rows_.ox[i] = rows_.oy[i] = rows_.oz[i] = rows_.nx[i] = rows_.ny[i] = rows_.gx[i] = rows_.gy[i] = 0.0f;
+        rows_.nz[i] = rows_.gz[i] = 1.0f;
+        if (!lane.alive) continue;
+        const glm::vec3 o = v.kind == VertexKind::kPhase ? v.position : offsetPoint(v.position, v.ng);
+        rows_.ox[i] = o.x, rows_.oy[i] = o.y, rows_.oz[i] = o.z;
+        rows_.gx[i] = v.ng.x, rows_.gy[i] = v.ng.y, rows_.gz[i] = v.ng.z;
+        const glm::vec3& n = v.surface.bsdf.frame.n;
+        rows_.nx[i] = n.x, rows_.ny[i] = n.y, rows_.nz[i] = n.z;
+        if (!rows_.plain[i]) continue;
+        const glm::vec3 w = v.throughput * v.surface.bsdf.diffuse * kInvPi;
+        rows_.r[i] = w.x, rows_.g[i] = w.y, rows_.b[i] = w.z;
+        rows_.lit[i] = maxOf(w) > 0.0f;
+    }
+    const bool seeThrough = state_.surfaces->seeThrough();
+
+    for (const LightSet::Delta& light : lights_.deltas) {
+        alignas(32) float wx[kLanes], wy[kLanes], wz[kLanes], reach[kLanes], strength[kLanes];
+        for (int i = 0; i < kLanes; ++i) {
+            const float dx = light.point ? light.place.x - rows_.ox[i] : light.place.x;
+            const float dy = light.point ? light.place.y - rows_.oy[i] : light.place.y;
+            const float dz = light.point ? light.place.z - rows_.oz[i] : light.place.z;
+            const float r2 = std::max(dx * dx + dy * dy + dz * dz, kMinLightRadius * kMinLightRadius);
+            const float inverse = 1.0f / std::sqrt(r2);
+            wx[i] = dx * inverse, wy[i] = dy * inverse, wz[i] = dz * inverse;
+            reach[i] = light.point ? r2 * inverse * 0.9999f : kInfinity;
+            const float cosine = wx[i] * rows_.nx[i] + wy[i] * rows_.ny[i] + wz[i] * rows_.nz[i];
+            const float side = wx[i] * rows_.gx[i] + wy[i] * rows_.gy[i] + wz[i] * rows_.gz[i];
+            strength[i] = (cosine > 0.0f && side > 0.0f ? cosine : 0.0f) * (light.point ? inverse * inverse : 1.0f);
+        }
+
+        alignas(32) int32_t valid[kLanes];
+        alignas(32) ShadowPacket packets[kLanes / 8];
+        float fr[kLanes], fg[kLanes], fb[kLanes];
+        bool any[kLanes / 8] = {};
+        for (int i = 0; i < kLanes; ++i) {
+            glm::vec3 origin(rows_.ox[i], rows_.oy[i], rows_.oz[i]);
+            fr[i] = rows_.r[i] * strength[i], fg[i] = rows_.g[i] * strength[i], fb[i] = rows_.b[i] * strength[i];
+            if (rows_.lit[i] && !rows_.plain[i]) {
+                const Vertex& v = lanes_[size_t(i)].vertex;
+                const glm::vec3 w(wx[i], wy[i], wz[i]);
+                const float falloff = light.point ? sqr(0.9999f / reach[i]) : 1.0f;
+                const glm::vec3 f = v.throughput * v.evaluate(w, state_) * falloff;
+                fr[i] = f.x, fg[i] = f.y, fb[i] = f.z;
+                if (v.kind == VertexKind::kSurface && glm::dot(w, v.ng) < 0.0f) origin = offsetPoint(v.position, -v.ng);
+            }
+            valid[i] = rows_.lit[i] && fr[i] + fg[i] + fb[i] > 0.0f ? -1 : 0;
+            if (valid[i] == 0) continue;
+            any[i / 8] = true;
+            ++counters.shadowRays;
+            ShadowPacket& p = packets[i / 8];
+            const int k = i % 8;
+            p.originX[k] = origin.x, p.originY[k] = origin.y, p.originZ[k] = origin.z, p.nearDistance[k] = 0.0f;
+            p.directionX[k] = wx[i], p.directionY[k] = wy[i], p.directionZ[k] = wz[i], p.time[k] = 0.0f;
+            p.farDistance[k] = reach[i], p.mask[k] = ~0u, p.id[k] = 0, p.flags[k] = 0;
+        }
+
+        glm::vec3 sum(0.0f);
+        for (int packet = 0; packet < kLanes / 8; ++packet) {
+            if (!any[packet]) continue;
+            if (!seeThrough) state_.rays->occluded(valid + 8 * packet, packets[packet], coherent);
+            for (int k = 0; k < 8; ++k) {
+                const int i = 8 * packet + k;
+                if (valid[i] == 0) continue;
+                glm::vec3 f(fr[i], fg[i], fb[i]);
+                const ShadowPacket& p = packets[packet];
+                if (seeThrough) {
+                    const Vertex& v = lanes_[size_t(i)].vertex;
+                    f *= transmittance({p.originX[k], p.originY[k], p.originZ[k]}, {wx[i], wy[i], wz[i]}, reach[i],
+                                       v.kind == VertexKind::kPhase ? v.medium : -1);
+                } else if (p.farDistance[k] < 0.0f) {
+                    continue;
+                }
+                sum += f;
+            }
+        }
+        sum *= light.intensity;
+        for (int c = 0; c < 3; ++c) radiance[3 * light.image + size_t(c)] += sum[c];
+    }
+}
+
+/// One direction per map and vertex, drawn from the map.
+void PassTracer::lightMaps(float* radiance)
+{
+    const bool seeThrough = state_.surfaces->seeThrough();
+    for (size_t m = 0; m < lights_.maps.size(); ++m) {
+        const LightSet::Map& map = lights_.maps[m];
+        for (Lane& lane : lanes_) {
+            if (!lane.alive) continue;
+            const Vertex& v = lane.vertex;
+            glm::vec3 w, value;
+            float pdf = 0.0f;
+            if (!map.light.sample(lane.sampler.get2(uint32_t(1000 + 64 * m) + uint32_t(lane.bounces)), &w, &value, &pdf)) continue;
+            const glm::vec3 f = v.evaluate(w, state_);
+            if (!(maxOf(f) > 0.0f)) continue;
+            const glm::vec3 origin = v.kind == VertexKind::kPhase ? v.position : offsetPoint(v.position, glm::dot(w, v.ng) < 0.0f ? -v.ng : v.ng);
+            glm::vec3 left(1.0f);
+            if (seeThrough) {
+                left = transmittance(origin, w, kInfinity, v.kind == VertexKind::kPhase ? v.medium : -1);
+            } else {
+                ++counters.shadowRays;
+                if (state_.rays->occluded(origin, w, 0.0f, kInfinity)) continue;
+            }
+            const float weight = sqr(pdf) / (sqr(pdf) + sqr(v.pdf(w, state_)));
+            const glm::vec3 add = v.throughput * f * value * left * (weight / pdf);
+            for (int c = 0; c < 3; ++c) radiance[3 * map.image + size_t(c)] += add[c];
+        }
+    }
+}
+
+/// From a lit vertex to a new ray, or through a random walk to the vertex where it comes out.
+void PassTracer::scatter(Lane& lane)
+{
+    Vertex& v = lane.vertex;
+    lane.hasVertex = false;
+    lane.throughput = v.throughput;
+    if (++lane.bounces > maxBounces_) {
+        lane.alive = false;
+        return;
+    }
+    const uint32_t dimension = uint32_t(3 * lane.bounces);
+    glm::vec3 wi;
+    if (v.kind == VertexKind::kPhase) {
+        wi = sampleHenyeyGreenstein(v.travel, state_.surfaces->body(v.medium).medium.g, lane.rng.next2());
+        lane.pdf = v.pdf(wi, state_);
+        lane.origin = v.position;
+    } else if (v.kind == VertexKind::kWalkExit) {
+        const Frame& frame = v.surface.bsdf.frame;
+        wi = frame.toWorld(sampleCosine(lane.sampler.get2(dimension)));
+        if (!(glm::dot(wi, v.ng) > 0.0f)) {
+            lane.alive = false;
+            return;
+        }
+        lane.pdf = v.pdf(wi, state_);
+        lane.throughput *= walkExitFactor(v.surface.bsdf, glm::dot(frame.n, wi));
+        lane.origin = offsetPoint(v.position, v.ng);
+    } else {
+        glm::vec2 choice = lane.sampler.get2(dimension + 1);
+        const float walk = v.surface.chanceSubsurface;
+        if (choice.x < walk) {
+            if (!leaveAsWalk(lane)) lane.alive = false;
+            return;
+        }
+        choice.x = std::min(kOneMinusEpsilon, (choice.x - walk) / (1.0f - walk));
+        glm::vec3 weight;
+        float pdf = 0.0f;
+        if (!v.surface.bsdf.sample(choice.x, lane.sampler.get2(dimension), &wi, &weight, &pdf)) {
+            lane.alive = false;
+            return;
+        }
+        lane.throughput *= weight / (1.0f - walk);
+        lane.pdf = pdf * (1.0f - walk);
+        const bool through = glm::dot(wi, v.ng) < 0.0f;
+        lane.origin = offsetPoint(v.position, through ? -v.ng : v.ng);
+        if (through && state_.surfaces->body(v.surface.material).boundary) lane.medium = v.surface.fromInside ? -1 : v.surface.material;
+    }
+    lane.direction = wi;
+    if (lane.bounces >= kRouletteStart) {
+        const float q = std::min(1.0f, maxOf(lane.throughput));
+        if (!(q > 0.0f) || lane.rng.next() >= q) {
+            lane.alive = false;
+            return;
+        }
+        lane.throughput /= q;
+    }
+    lane.alive = maxOf(lane.throughput) > 0.0f;
+}
+
+bool PassTracer::leaveAsWalk(Lane& lane)
+{
+    Vertex& v = lane.vertex;
+    ++counters.walks;
+    const WalkResult walk = randomWalk(*state_.rays, v.surface.material, v.surface.walk, v.position, v.surface.geometricNormal, lane.rng);
+    counters.walkRays += walk.steps;
+    if (walk.end != WalkEnd::kLeft) {
+        counters.leaked += walk.end == WalkEnd::kLeaked;
+        counters.cut += walk.end == WalkEnd::kCut;
+        return false;
+    }
+    v.throughput = lane.throughput * v.surface.walkWeight * walk.weight / v.surface.chanceSubsurface;
+    v.kind = VertexKind::kWalkExit;
+    v.surface = state_.surfaces->evaluate(state_.scene.mesh, walk.hit, walk.outward);
+    v.position = v.surface.position;
+    v.ng = v.surface.geometricNormal;
+    lane.hasVertex = true;
+    return maxOf(v.throughput) > 0.0f;
+}
+
+/// Images keep only what was seen through alpha > 0; sums become means.
+struct Accumulator {
+    size_t pixels = 0, lights = 0;
+    std::vector<float> sum;        // [pixel][light][rgb], over all samples
+    std::vector<float> squares;    // [pixel][light], of pass luminance means
+    std::vector<float> coverage;   // [pixel], samples
+    Accumulator(size_t p, size_t l) : pixels(p), lights(l), sum(p * l * 3), squares(p * l), coverage(p) {}
+};
+
+/// RenderStats::noise of every light after `passes` passes.
+std::vector<float> estimateNoise(const Accumulator& a, int passes)
+{
+    std::vector<double> mean(a.lights), variance(a.lights);
+    double object = 0.0;
+    const double n = passes, samples = n * kLanes;
+    for (size_t p = 0; p < a.pixels; ++p) {
+        if (a.coverage[p] < 0.5f * float(samples)) continue;
+        object += 1.0;
+        for (size_t l = 0; l < a.lights; ++l) {
+            const float* c = &a.sum[3 * (p * a.lights + l)];
+            const double m = double(luminance({c[0], c[1], c[2]})) / samples;
+            mean[l] += m;
+            if (passes > 1) variance[l] += std::max(0.0, double(a.squares[p * a.lights + l]) / n - m * m) / (n - 1.0);
+        }
+    }
+    std::vector<float> noise(a.lights, passes > 1 ? 0.0f : INFINITY);
+    for (size_t l = 0; l < a.lights && passes > 1; ++l)
+        if (mean[l] > 0.0) noise[l] = float(std::sqrt(variance[l] * object) / mean[l]);
+    return noise;
+}
+
+Result<LightSet> gatherLights(std::span<const Light> lights)
+{
+    LightSet set;
+    for (size_t i = 0; i < lights.size(); ++i) {
+        const Light& l = lights[i];
+        if (l.type == LightType::kPoint) {
+            set.deltas.push_back({true, l.position, l.intensity, i});
+        } else if (l.type == LightType::kDirectional) {
+            set.deltas.push_back({false, glm::normalize(l.directionToLight), l.intensity, i});
+        } else if (l.type == LightType::kEnvironment) {
+            const Result<Image> map = readExr(l.environmentPath);
+            if (!map) return map.error();
+            set.maps.push_back({EnvironmentLight(*map, l.intensity), i});
+        } else {
+            return Error{ErrorCode::kUnsupported, "light " + std::to_string(i) + " is of a kind that the path tracer does not render alone"};
+        }
+    }
+    return set;
+}
+
+} // namespace
+
+PathTracer::PathTracer(std::unique_ptr<State> state) : state_(std::move(state)) {}
+PathTracer::PathTracer(PathTracer&&) noexcept = default;
+PathTracer& PathTracer::operator=(PathTracer&&) noexcept = default;
+PathTracer::~PathTracer() = default;
+const std::vector<std::string>& PathTracer::warnings() const { return state_->warnings; }
+
+Result<PathTracer> PathTracer::create(StageScene scene)
+{
+    auto state = std::make_unique<State>();
+    state->scene = std::move(scene);
+    Result<SurfaceTable> surfaces = SurfaceTable::create(state->scene, state->warnings);
+    if (!surfaces) return surfaces.error();
+    state->surfaces = std::make_unique<SurfaceTable>(std::move(*surfaces));
+    state->rays = std::make_unique<RayScene>(state->scene.mesh, state->scene.hair, 0);
+    for (size_t i = 0; i < state->scene.mesh.materials.size(); ++i)
+        if (state->surfaces->body(int(i)).scatters) state->rays->prepareBody(int(i));
+    return PathTracer(std::move(state));
+}
+
+size_t PathTracer::memoryBytes() const
+{
+    size_t bytes = state_->rays->memoryBytes();
+    for (const TriangleMesh& m : state_->scene.mesh.meshes)
+        bytes += m.positions.size() * 12 + m.normals.size() * 12 + m.tangents.size() * 16 + m.texcoords[0].size() * 8 +
+                 m.texcoords[1].size() * 8 + m.colors.size() * 16 + m.triangles.size() * 12;
+    for (const MeshTexture& t : state_->scene.mesh.textures) bytes += t.rgba.size();
+    return bytes + state_->scene.hair.controlPoints.size() * 16;
+}
+
+Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<const Light> lights, const RenderSettings& settings,
+                                              RenderStats* stats) const
+{
+    const auto start = std::chrono::steady_clock::now();
+    Result<LightSet> set = gatherLights(lights);
+    if (!set) return set.error();
+    const size_t pixels = size_t(camera.width) * size_t(camera.height), lightCount = lights.size();
+    const int passes = std::max(1, (settings.samplesPerPixel + kLanes - 1) / kLanes);
+    Accumulator sums(pixels, lightCount);
+
+    // The camera is part of the seed, so that two cameras do not share their noise.
+    const uint64_t key = fnv1a(&camera.worldFromCamera, sizeof camera.worldFromCamera, fnv1a(&settings.seed, sizeof settings.seed));
+    const uint32_t imageSeed = hashBits(uint32_t(key) ^ hashBits(uint32_t(key >> 32)));
+
+    tbb::enumerable_thread_specific<Counters> counters;
+    std::mutex reporting;
+    size_t pixelsDone = 0;
+    const auto stopped = [&] { return settings.stop && settings.stop->load(std::memory_order_relaxed); };
+
+    const auto renderPasses = [&](int first, int last) {
+        const double before = double(first) / passes, share = double(last - first) / passes;
+        pixelsDone = 0;
+        tbb::parallel_for(tbb::blocked_range<size_t>(0, pixels, 64), [&](const tbb::blocked_range<size_t>& range) {
+            if (stopped()) return;
+            PassTracer tracer(*state_, *set, settings.maxBounces);
+            std::vector<float> radiance(lightCount * 3);
+            for (size_t p = range.begin(); p < range.end(); ++p) {
+                const uint32_t pixelSeed = hashCombine(imageSeed, uint32_t(p));
+                float* sum = sums.sum.data() + p * lightCount * 3;
+                for (int pass = first; pass < last; ++pass) {
+                    std::fill(radiance.begin(), radiance.end(), 0.0f);
+                    const int x = int(p % size_t(camera.width)), y = int(p / size_t(camera.width));
+                    sums.coverage[p] += tracer.trace(camera, x, y, hashCombine(pixelSeed, uint32_t(pass)), radiance.data());
+                    for (size_t l = 0; l < lightCount; ++l) {
+                        const float* c = &radiance[3 * l];
+                        for (size_t k = 0; k < 3; ++k) sum[3 * l + k] += c[k];
+                        sums.squares[p * lightCount + l] += sqr(luminance({c[0], c[1], c[2]}) / kLanes);
+                    }
+                }
+            }
+            counters.local().add(tracer.counters);
+            if (settings.progress) {
+                std::lock_guard lock(reporting);
+                pixelsDone += range.size();
+                settings.progress(before + share * double(pixelsDone) / double(pixels));
+            }
+        });
+    };
+
+    int done = 0;
+    std::vector<float> noise;
+    tbb::task_arena arena(settings.threads > 0 ? settings.threads : tbb::task_arena::automatic);
+    while (done < passes && !stopped()) {
+        // Without a target all passes run at once; with one, the samples grow by half between checks.
+        const int next = settings.noiseTarget > 0.0f ? std::min(passes, std::max(done + done / 2, done + 4)) : passes;
+        arena.execute([&] { renderPasses(done, next); });
+        done = next;
+        noise = estimateNoise(sums, done);
+        if (settings.noiseTarget > 0.0f && *std::max_element(noise.begin(), noise.end()) <= settings.noiseTarget) break;
+    }
+    if (stopped()) return Error{ErrorCode::kCancelled, "rendering was stopped"};
+
+    std::vector<Image> images(lightCount);
+    const float scale = 1.0f / float(done * kLanes);
+    for (size_t l = 0; l < lightCount; ++l) {
+        Image& image = images[l];
+        image.width = camera.width;
+        image.height = camera.height;
+        image.rgba.resize(4 * pixels);
+        for (size_t p = 0; p < pixels; ++p) {
+            for (size_t c = 0; c < 3; ++c) image.rgba[4 * p + c] = sums.sum[3 * (p * lightCount + l) + c] * scale;
+            image.rgba[4 * p + 3] = sums.coverage[p] * scale;
+        }
+    }
+    if (stats) {
+        Counters all;
+        for (const Counters& c : counters) all.add(c);
+        stats->samplesPerPixel = done * kLanes;
+        stats->noise = std::move(noise);
+        stats->pathRays = all.pathRays, stats->shadowRays = all.shadowRays, stats->walkRays = all.walkRays;
+        stats->leakedWalks = all.walks ? double(all.leaked) / double(all.walks) : 0.0;
+        stats->cutWalks = all.walks ? double(all.cut) / double(all.walks) : 0.0;
+        stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
+    return images;
+}
+
+} // namespace nacre

@@ -1,0 +1,59 @@
+// Subsurface scattering by a random walk through the body beneath a surface (Chiang, Kutz and Burley 2016): light goes in with a
+// cosine distribution, scatters, and comes out wherever it meets the surface from inside. Only triangles of the same material end
+// the walk, so that what touches or pierces the body does not cut it. Channels with different mean free paths share one walk.
+#pragma once
+
+#include "light_stage/medium.h"
+#include "light_stage/ray_scene.h"
+
+namespace nacre::stage {
+
+constexpr uint64_t kMaxWalkSteps = 10000;
+constexpr uint64_t kWalkRouletteStart = 16;
+
+enum class WalkEnd : uint8_t { kLeft, kAbsorbed, kLeaked, kCut };
+
+struct WalkResult {
+    WalkEnd end = WalkEnd::kAbsorbed;
+    RayHit hit;             // kLeft: where
+    glm::vec3 outward{0.0f}; // a direction on the outer side of that surface
+    glm::vec3 weight{1.0f};
+    uint64_t steps = 0;
+};
+
+/// `normal`: geometric, outward, unit. Space outside all sigma_t > 0 channels is crossed in straight lines.
+inline WalkResult randomWalk(const RayScene& scene, int material, const Medium& medium, const glm::vec3& entry, const glm::vec3& normal, Rng& rng)
+{
+    WalkResult walk;
+    const float size = std::max({std::fabs(entry.x), std::fabs(entry.y), std::fabs(entry.z), 0.05f});
+    glm::vec3 p = entry - normal * (4e-6f * size);
+    glm::vec3 d = Frame::around(-normal).toWorld(sampleCosine(rng.next2()));
+    while (walk.steps < kMaxWalkSteps) {
+        const DistanceSampler distances(medium, walk.weight);
+        const float event = distances.sample(medium, rng);
+        const RayHit hit = scene.intersectBody(material, p, d, event);
+        ++walk.steps;
+        if (hit.found()) {
+            walk.weight *= distances.weightToSurface(medium, hit.distance);
+            walk.hit = hit;
+            walk.outward = d;
+            walk.end = WalkEnd::kLeft;
+            return walk;
+        }
+        if (!(event < kInfinity)) {
+            walk.end = WalkEnd::kLeaked;
+            return walk;
+        }
+        walk.weight *= distances.weightToScatter(medium, event);
+        p += d * event;
+        d = sampleHenyeyGreenstein(d, medium.g, rng.next2());
+        if (walk.steps < kWalkRouletteStart) continue;
+        const float q = std::min(1.0f, maxOf(walk.weight));
+        if (!(q > 0.0f) || rng.next() >= q) return walk; // kAbsorbed
+        walk.weight /= q;
+    }
+    walk.end = WalkEnd::kCut;
+    return walk;
+}
+
+} // namespace nacre::stage

@@ -1,0 +1,154 @@
+// Embree 3: one scene with everything, and one more per material that bounds a scattering body (the geometries are shared).
+// "Robust" traversal: no ray slips between two triangles that share an edge, which a random walk would notice.
+#include "light_stage/ray_scene.h"
+
+#include <embree3/rtcore.h>
+
+#include <atomic>
+#include <cstddef>
+#include <map>
+#include <vector>
+
+namespace nacre::stage {
+
+static_assert(sizeof(ShadowPacket) == sizeof(RTCRay8) && offsetof(ShadowPacket, farDistance) == offsetof(RTCRay8, tfar) &&
+              offsetof(ShadowPacket, directionX) == offsetof(RTCRay8, dir_x));
+
+struct RayScene::State {
+    explicit State(const MeshScene& m) : mesh(m) {}
+    const MeshScene& mesh;
+    RTCDevice device = nullptr;
+    RTCScene scene = nullptr;
+    std::vector<RTCGeometry> geometries; // per mesh, then the fibres
+    std::map<int, RTCScene> bodies;
+    std::vector<uint32_t> segmentStarts;
+    std::atomic<ptrdiff_t> bytes{0};
+};
+
+static bool countMemory(void* counter, ptrdiff_t bytes, bool /*after*/)
+{
+    *static_cast<std::atomic<ptrdiff_t>*>(counter) += bytes;
+    return true;
+}
+
+static RTCScene newScene(RTCDevice device)
+{
+    RTCScene scene = rtcNewScene(device);
+    rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_HIGH);
+    return scene;
+}
+
+RayScene::RayScene(const MeshScene& mesh, const HairStrands& hair, int threads) : state_(new State(mesh))
+{
+    State& s = *state_;
+    s.device = rtcNewDevice(threads > 0 ? ("threads=" + std::to_string(threads)).c_str() : nullptr);
+    rtcSetDeviceMemoryMonitorFunction(s.device, countMemory, &s.bytes);
+    s.scene = newScene(s.device);
+    for (const TriangleMesh& m : mesh.meshes) {
+        RTCGeometry geometry = rtcNewGeometry(s.device, RTC_GEOMETRY_TYPE_TRIANGLE);
+        auto* vertices = static_cast<glm::vec3*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                                                         sizeof(glm::vec3), m.positions.size()));
+        std::copy(m.positions.begin(), m.positions.end(), vertices);
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, m.triangles.data(), 0, sizeof(glm::uvec3),
+                                   m.triangles.size());
+        rtcCommitGeometry(geometry);
+        s.geometries.push_back(geometry);
+    }
+    if (hair.segmentCount() > 0) {
+        s.segmentStarts.resize(hair.segmentCount());
+        for (size_t i = 0; i < s.segmentStarts.size(); ++i) s.segmentStarts[i] = uint32_t(4 * i);
+        RTCGeometry geometry = rtcNewGeometry(s.device, RTC_GEOMETRY_TYPE_FLAT_BEZIER_CURVE);
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, hair.controlPoints.data(), 0,
+                                   sizeof(glm::vec4), hair.controlPoints.size());
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, s.segmentStarts.data(), 0, sizeof(uint32_t),
+                                   s.segmentStarts.size());
+        rtcCommitGeometry(geometry);
+        s.geometries.push_back(geometry);
+    }
+    for (size_t i = 0; i < s.geometries.size(); ++i) rtcAttachGeometryByID(s.scene, s.geometries[i], unsigned(i));
+    rtcCommitScene(s.scene);
+}
+
+RayScene::~RayScene()
+{
+    for (auto& [material, scene] : state_->bodies) rtcReleaseScene(scene);
+    for (RTCGeometry geometry : state_->geometries) rtcReleaseGeometry(geometry);
+    rtcReleaseScene(state_->scene);
+    rtcReleaseDevice(state_->device);
+}
+
+void RayScene::prepareBody(int material)
+{
+    State& s = *state_;
+    if (s.bodies.count(material)) return;
+    RTCScene scene = newScene(s.device);
+    for (size_t i = 0; i < s.mesh.meshes.size(); ++i)
+        if (s.mesh.meshes[i].material == material) rtcAttachGeometryByID(scene, s.geometries[i], unsigned(i));
+    rtcCommitScene(scene);
+    s.bodies[material] = scene;
+}
+
+static RayHit trace(RTCScene scene, const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance)
+{
+    RTCRayHit r;
+    r.ray.org_x = origin.x, r.ray.org_y = origin.y, r.ray.org_z = origin.z;
+    r.ray.dir_x = direction.x, r.ray.dir_y = direction.y, r.ray.dir_z = direction.z;
+    r.ray.tnear = nearDistance, r.ray.tfar = farDistance;
+    r.ray.time = 0, r.ray.mask = ~0u, r.ray.id = 0, r.ray.flags = 0;
+    r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcIntersect1(scene, &context, &r);
+    RayHit hit;
+    if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
+    return {r.hit.geomID, r.hit.primID, r.hit.u, r.hit.v, r.ray.tfar};
+}
+
+RayHit RayScene::intersect(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const
+{
+    return trace(state_->scene, origin, direction, nearDistance, farDistance);
+}
+
+RayHit RayScene::intersectBody(int material, const glm::vec3& origin, const glm::vec3& direction, float farDistance) const
+{
+    return trace(state_->bodies.find(material)->second, origin, direction, 0.0f, farDistance);
+}
+
+void RayScene::occluded(const int32_t valid[8], ShadowPacket& packet, bool coherent) const
+{
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    if (coherent) context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    rtcOccluded8(valid, state_->scene, &context, reinterpret_cast<RTCRay8*>(&packet));
+}
+
+bool RayScene::occluded(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const
+{
+    RTCRay r;
+    r.org_x = origin.x, r.org_y = origin.y, r.org_z = origin.z;
+    r.dir_x = direction.x, r.dir_y = direction.y, r.dir_z = direction.z;
+    r.tnear = nearDistance, r.tfar = farDistance;
+    r.time = 0, r.mask = ~0u, r.id = 0, r.flags = 0;
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcOccluded1(state_->scene, &context, &r);
+    return r.tfar < 0.0f;
+}
+
+size_t RayScene::memoryBytes() const { return size_t(std::max<ptrdiff_t>(0, state_->bytes.load())); }
+
+glm::vec3 RayScene::boundsMin() const
+{
+    RTCBounds b;
+    rtcGetSceneBounds(state_->scene, &b);
+    return {b.lower_x, b.lower_y, b.lower_z};
+}
+glm::vec3 RayScene::boundsMax() const
+{
+    RTCBounds b;
+    rtcGetSceneBounds(state_->scene, &b);
+    return {b.upper_x, b.upper_y, b.upper_z};
+}
+
+} // namespace nacre::stage

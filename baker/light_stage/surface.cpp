@@ -1,0 +1,371 @@
+// Specular layer over a random walk: light enters with 1 - F(N.V), leaves with 1 - F(N.L), and 1 / (1 - Favg) stands for what the
+// layer sends back down (Favg: cosine-weighted mean of Schlick's F; Shirley et al. 1997, Ashikhmin and Shirley 2000). This is
+// reciprocal, and a walk that loses nothing makes a surface that loses nothing.
+#include "light_stage/surface.h"
+
+#include "base/color.h"
+
+#include <algorithm>
+#include <array>
+#include <unordered_map>
+
+namespace nacre::stage {
+
+namespace {
+
+float srgbToLinear(uint8_t v)
+{
+    static const std::array<float, 256> kTable = [] {
+        std::array<float, 256> t;
+        for (int i = 0; i < 256; ++i) t[size_t(i)] = float(linearFromSrgb(i / 255.0));
+        return t;
+    }();
+    return kTable[v];
+}
+
+int wrapTexel(int i, int size, TextureWrap wrap)
+{
+    if (wrap == TextureWrap::kClamp) return std::clamp(i, 0, size - 1);
+    const int period = wrap == TextureWrap::kMirror ? 2 * size : size;
+    int m = i % period;
+    if (m < 0) m += period;
+    return m < size ? m : period - 1 - m;
+}
+
+glm::vec4 texel(const MeshTexture& t, int x, int y, bool srgb)
+{
+    const uint8_t* p = t.rgba.data() + 4 * (size_t(wrapTexel(y, t.height, t.wrapV)) * size_t(t.width) + size_t(wrapTexel(x, t.width, t.wrapU)));
+    if (srgb) return {srgbToLinear(p[0]), srgbToLinear(p[1]), srgbToLinear(p[2]), float(p[3]) / 255.0f};
+    return glm::vec4(p[0], p[1], p[2], p[3]) / 255.0f;
+}
+
+/// Bilinear; decoded before filtering.
+glm::vec4 sample(const MeshTexture& t, const glm::vec2& uv, bool srgb)
+{
+    // Whole turns are dropped first so that far texture coordinates keep their fraction and fit an int.
+    const glm::vec2 period(t.wrapU == TextureWrap::kMirror ? 2.0f : 1.0f, t.wrapV == TextureWrap::kMirror ? 2.0f : 1.0f);
+    glm::vec2 w = uv;
+    for (int i = 0; i < 2; ++i) {
+        const bool clamp = (i ? t.wrapV : t.wrapU) == TextureWrap::kClamp;
+        w[i] = clamp ? glm::clamp(w[i], -1.0f, 2.0f) : w[i] - period[i] * std::floor(w[i] / period[i]);
+        if (!(std::fabs(w[i]) <= 4.0f)) w[i] = 0.0f;
+    }
+    const float x = w.x * float(t.width) - 0.5f, y = w.y * float(t.height) - 0.5f;
+    if (t.nearest) return texel(t, int(std::floor(x + 0.5f)), int(std::floor(y + 0.5f)), srgb);
+    const int x0 = int(std::floor(x)), y0 = int(std::floor(y));
+    const float fx = x - float(x0), fy = y - float(y0);
+    return glm::mix(glm::mix(texel(t, x0, y0, srgb), texel(t, x0 + 1, y0, srgb), fx),
+                    glm::mix(texel(t, x0, y0 + 1, srgb), texel(t, x0 + 1, y0 + 1, srgb), fx), fy);
+}
+
+/// Interpolates the vertices of one hit triangle.
+struct Corner {
+    const TriangleMesh& mesh;
+    glm::uvec3 index;
+    glm::vec3 weight;
+
+    Corner(const TriangleMesh& m, const RayHit& hit) : mesh(m), index(m.triangles[hit.primitive]), weight(1.0f - hit.u - hit.v, hit.u, hit.v) {}
+    template <class T>
+    T at(const std::vector<T>& rows) const
+    {
+        return rows[index.x] * weight.x + rows[index.y] * weight.y + rows[index.z] * weight.z;
+    }
+    glm::vec4 texture(const MeshScene& scene, const TextureSlot& slot, bool srgb = false) const
+    {
+        if (!slot) return glm::vec4(1.0f);
+        const auto& coordinates = mesh.texcoords[slot.texcoord];
+        const glm::vec2 uv = coordinates.empty() ? glm::vec2(0.0f) : at(coordinates);
+        return sample(scene.textures[size_t(slot.texture)], slot.uvScaleRotate * uv + slot.uvOffset, srgb);
+    }
+    glm::vec4 baseColor(const MeshScene& scene, const MeshMaterial& m) const
+    {
+        glm::vec4 c = m.baseColor * texture(scene, m.baseColorTexture, true);
+        if (!mesh.colors.empty()) c *= at(mesh.colors);
+        return glm::clamp(c, 0.0f, 1.0f);
+    }
+};
+
+float opacityOf(const MeshMaterial& m, float alpha)
+{
+    if (m.alphaMode == AlphaMode::kOpaque) return 1.0f;
+    if (m.alphaMode == AlphaMode::kMask) return alpha >= m.alphaCutoff ? 1.0f : 0.0f;
+    return alpha;
+}
+
+/// A normal-map normal in world space, around the interpolated frame; the interpolated normal if there is no tangent.
+glm::vec3 mappedNormal(const MeshScene& scene, const Corner& corner, const TextureSlot& slot, float scale, const glm::vec3& normal)
+{
+    if (!slot || corner.mesh.tangents.empty()) return normal;
+    const glm::vec4 tangent = corner.at(corner.mesh.tangents);
+    const glm::vec3 t = glm::vec3(tangent) - normal * glm::dot(normal, glm::vec3(tangent));
+    if (!(glm::dot(t, t) > 1e-12f)) return normal;
+    const glm::vec3 tn = glm::normalize(t), b = glm::cross(normal, tn) * (tangent.w < 0.0f ? -1.0f : 1.0f);
+    const glm::vec3 m = glm::vec3(corner.texture(scene, slot)) * 2.0f - 1.0f;
+    const glm::vec3 n = tn * (m.x * scale) + b * (m.y * scale) + normal * m.z;
+    return glm::dot(n, n) > 1e-12f ? glm::normalize(n) : normal;
+}
+
+/// The frame's tangent along the anisotropy direction.
+Frame shadingFrame(const Corner& corner, const glm::vec3& n, const glm::vec2& direction)
+{
+    if (corner.mesh.tangents.empty()) return Frame::around(n);
+    const glm::vec4 tangent = corner.at(corner.mesh.tangents);
+    const glm::vec3 t0 = glm::vec3(tangent) - n * glm::dot(n, glm::vec3(tangent));
+    if (!(glm::dot(t0, t0) > 1e-12f)) return Frame::around(n);
+    const glm::vec3 tn = glm::normalize(t0), bn = glm::cross(n, tn) * (tangent.w < 0.0f ? -1.0f : 1.0f);
+    const glm::vec3 t = glm::normalize(direction.x * tn + direction.y * bn);
+    return {t, glm::cross(n, t), n};
+}
+
+/// Directions almost behind the shading normal count as grazing.
+glm::vec3 grazingAtLeast(glm::vec3 w)
+{
+    w.z = std::max(w.z, 1e-3f);
+    return glm::normalize(w);
+}
+
+// ---- bodies: which meshes bound a medium, and whether they can ---------------------------------------------------------------
+
+struct Vec3Hash {
+    size_t operator()(const glm::vec3& p) const
+    {
+        uint64_t h = 0;
+        for (int i = 0; i < 3; ++i) h = (h ^ (__builtin_bit_cast(uint32_t, p[i] + 0.0f))) * 0x9e3779b97f4a7c15ull, h ^= h >> 29;
+        return size_t(h);
+    }
+};
+
+/// Vertices at equal places are one vertex; an edge is open if not as many triangles run along it one way as the other.
+size_t countOpenEdges(const MeshScene& scene, int material)
+{
+    std::unordered_map<glm::vec3, uint32_t, Vec3Hash> idOfPlace;
+    std::unordered_map<uint64_t, int> balance;
+    for (const TriangleMesh& m : scene.meshes) {
+        if (m.material != material) continue;
+        for (const glm::uvec3& t : m.triangles)
+            for (int k = 0; k < 3; ++k) {
+                const uint32_t a = idOfPlace.try_emplace(m.positions[t[k]], uint32_t(idOfPlace.size())).first->second;
+                const uint32_t b = idOfPlace.try_emplace(m.positions[t[(k + 1) % 3]], uint32_t(idOfPlace.size())).first->second;
+                if (a != b) balance[(uint64_t(std::min(a, b)) << 32) | std::max(a, b)] += a < b ? 1 : -1;
+            }
+    }
+    size_t open = 0;
+    for (const auto& [edge, n] : balance) open += n != 0;
+    return open;
+}
+
+double signedVolume(const MeshScene& scene, int material)
+{
+    double sum = 0.0;
+    for (const TriangleMesh& m : scene.meshes)
+        if (m.material == material)
+            for (const glm::uvec3& t : m.triangles)
+                sum += glm::dot(glm::dvec3(m.positions[t.x]), glm::cross(glm::dvec3(m.positions[t.y]), glm::dvec3(m.positions[t.z]))) / 6.0;
+    return sum;
+}
+
+void flip(MeshScene& scene, int material)
+{
+    for (TriangleMesh& m : scene.meshes) {
+        if (m.material != material) continue;
+        for (glm::uvec3& t : m.triangles) std::swap(t.y, t.z);
+        for (glm::vec3& n : m.normals) n = -n;
+    }
+}
+
+bool matches(const SubsurfaceOverride& o, const MeshMaterial& material, size_t index)
+{
+    return o.material == "*" || o.material == material.name || o.material == "#" + std::to_string(index);
+}
+
+glm::vec3 clampAlbedo(const glm::vec3& a) { return glm::clamp(a, 0.0f, 1.0f); }
+
+void setMedium(Body& body, const glm::vec3& sigmaT, const glm::vec3& alpha, float g)
+{
+    body.medium.sigmaT = glm::max(sigmaT, 0.0f);
+    body.medium.albedo = clampAlbedo(alpha);
+    body.medium.g = glm::clamp(g, -0.99f, 0.99f);
+    for (int c = 0; c < 3; ++c) body.diffuseAlbedo[c] = diffuseAlbedoFromSingleScatter(body.medium.albedo[c], body.medium.g);
+}
+
+glm::vec3 singleScatterOf(const glm::vec3& diffuseAlbedo, float g)
+{
+    return {singleScatterFromDiffuseAlbedo(diffuseAlbedo.x, g), singleScatterFromDiffuseAlbedo(diffuseAlbedo.y, g),
+            singleScatterFromDiffuseAlbedo(diffuseAlbedo.z, g)};
+}
+
+/// KHR_materials_volume and KHR_materials_volume_scatter.
+Body bodyFromFile(const MeshMaterial& m, float unitsPerMetre)
+{
+    Body body;
+    if (!(m.thickness > 0.0f)) return body;
+    glm::vec3 sigmaT(0.0f);
+    if (std::isfinite(m.attenuationDistance) && m.attenuationDistance > 0.0f)
+        sigmaT = -glm::log(glm::clamp(m.attenuationColor, 1e-4f, 1.0f)) / (m.attenuationDistance * unitsPerMetre);
+    const glm::vec3 alpha = m.hasVolumeScatter ? singleScatterOf(m.multiscatterColor, m.scatterAnisotropy) : glm::vec3(0.0f);
+    setMedium(body, sigmaT, alpha, m.scatterAnisotropy);
+    body.boundary = m.transmission > 0.0f;
+    body.scatters = !body.boundary && m.hasVolumeScatter && maxOf(sigmaT) > 0.0f;
+    body.invisible = body.boundary && std::fabs(m.ior - 1.0f) < 1e-4f;
+    return body;
+}
+
+Body bodyFromOverride(const SubsurfaceOverride& o, float unitsPerMetre)
+{
+    Body body;
+    const glm::vec3 sigmaT = 1.0f / glm::max(o.meanFreePath * unitsPerMetre, 1e-12f);
+    body.albedoFromBaseColor = o.albedo.x < 0.0f && o.singleScatterAlbedo.x < 0.0f;
+    setMedium(body, sigmaT, o.singleScatterAlbedo.x >= 0.0f ? o.singleScatterAlbedo : singleScatterOf(glm::max(o.albedo, 0.0f), o.anisotropy),
+              o.anisotropy);
+    body.scatters = o.boundary == SubsurfaceBoundary::kDiffuse;
+    body.boundary = !body.scatters;
+    body.invisible = o.boundary == SubsurfaceBoundary::kNone;
+    return body;
+}
+
+/// "'wax' (#0), 'glaze' (#1)", at most a dozen.
+std::string materialNames(const MeshScene& scene)
+{
+    std::string names;
+    for (size_t i = 0; i < scene.materials.size() && i < 12; ++i)
+        names += (i ? ", '" : "'") + scene.materials[i].name + "' (#" + std::to_string(i) + ")";
+    return names + (scene.materials.size() > 12 ? ", ..." : "");
+}
+
+} // namespace
+
+Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::string>& warnings)
+{
+    SurfaceTable table;
+    MeshScene& mesh = scene.mesh;
+    for (const MeshMaterial& m : mesh.materials) table.bodies_.push_back(bodyFromFile(m, scene.unitsPerMetre));
+    for (const SubsurfaceOverride& o : scene.subsurface) {
+        bool found = false;
+        for (size_t i = 0; i < mesh.materials.size(); ++i) {
+            if (!matches(o, mesh.materials[i], i)) continue;
+            found = true;
+            table.bodies_[i] = bodyFromOverride(o, scene.unitsPerMetre);
+            MeshMaterial& m = mesh.materials[i];
+            if (o.boundary == SubsurfaceBoundary::kDielectric && std::fabs(m.ior - 1.0f) < 1e-4f) table.bodies_[i].invisible = true;
+            m.metallic = 0.0f;
+            m.transmissionTexture.texture = -1;
+            m.transmission = o.boundary == SubsurfaceBoundary::kDielectric ? 1.0f : 0.0f;
+            if (m.transmission > 0.0f) { // the colour comes from the medium
+                m.baseColor = {1, 1, 1, m.baseColor.a};
+                m.baseColorTexture.texture = -1;
+                m.thickness = 1.0f;
+            }
+        }
+        if (!found)
+            return Error{ErrorCode::kBadInput, "subsurface scattering is asked for material '" + o.material +
+                                                   "', which the mesh does not have; it has: " + materialNames(mesh)};
+    }
+
+    for (size_t i = 0; i < mesh.materials.size(); ++i) {
+        const MeshMaterial& m = mesh.materials[i];
+        const Body& body = table.bodies_[i];
+        const bool used = std::any_of(mesh.meshes.begin(), mesh.meshes.end(), [&](const TriangleMesh& t) { return t.material == int(i); });
+        if (!used) continue;
+        const std::string name = "material '" + m.name + "'";
+        table.seeThrough_ = table.seeThrough_ || m.alphaMode != AlphaMode::kOpaque || body.invisible;
+        if (!body.scatters && !body.boundary) continue;
+        if (signedVolume(mesh, int(i)) < 0.0) {
+            warnings.push_back(name + ": its surface is inside out (negative volume), which matters for a volume: turned round");
+            flip(mesh, int(i));
+        }
+        if (const size_t open = countOpenEdges(mesh, int(i)); open > 0)
+            warnings.push_back(name + ": used as a volume, but its surface is open along " + std::to_string(open) +
+                               " edges; light leaks there and is lost (close the mesh, or expect dark places)");
+        if (body.boundary && !body.invisible && m.roughness * m.roughness < kMinAlpha)
+            warnings.push_back(name + ": a smooth boundary of a volume lets no light of a lamp without size through; rendered with roughness 0.03");
+        if (body.scatters && m.hasVolumeScatter)
+            warnings.push_back(name + ": KHR_materials_volume_scatter without transmission: light enters and leaves diffusely");
+    }
+    return table;
+}
+
+float SurfaceTable::opacity(const MeshScene& scene, const RayHit& hit) const
+{
+    const TriangleMesh& mesh = scene.meshes[hit.mesh];
+    const MeshMaterial& m = scene.materials[size_t(mesh.material)];
+    return m.alphaMode == AlphaMode::kOpaque ? 1.0f : opacityOf(m, Corner(mesh, hit).baseColor(scene, m).a);
+}
+
+SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, const glm::vec3& wo) const
+{
+    const TriangleMesh& mesh = scene.meshes[hit.mesh];
+    const MeshMaterial& m = scene.materials[size_t(mesh.material)];
+    const Body& body = bodies_[size_t(mesh.material)];
+    const Corner corner(mesh, hit);
+    SurfacePoint s;
+    s.material = mesh.material;
+    s.position = corner.at(mesh.positions);
+    const glm::vec3 p0 = mesh.positions[corner.index.x];
+    s.geometricNormal = glm::normalize(glm::cross(mesh.positions[corner.index.y] - p0, mesh.positions[corner.index.z] - p0));
+    s.fromInside = glm::dot(wo, s.geometricNormal) < 0.0f;
+
+    glm::vec3 smooth = s.geometricNormal;
+    if (!mesh.normals.empty()) {
+        const glm::vec3 n = corner.at(mesh.normals);
+        if (glm::dot(n, s.geometricNormal) > 0.0f) smooth = glm::normalize(n);
+    }
+    const float side = s.fromInside ? -1.0f : 1.0f;
+
+    const glm::vec4 color = corner.baseColor(scene, m);
+    s.opacity = opacityOf(m, color.a);
+    SurfaceBsdf& b = s.bsdf;
+    b.ng = side * s.geometricNormal;
+    b.baseColor = glm::vec3(color);
+    const glm::vec4 mr = corner.texture(scene, m.metallicRoughnessTexture);
+    b.metallic = glm::clamp(m.metallic * mr.b, 0.0f, 1.0f);
+    const float alpha = std::max(kMinAlpha, sqr(glm::clamp(m.roughness * mr.g, 0.0f, 1.0f)));
+    b.transmission = glm::clamp(m.transmission * corner.texture(scene, m.transmissionTexture).r, 0.0f, 1.0f);
+    b.specular = m.specular * corner.texture(scene, m.specularTexture).a;
+    const float f0 = m.ior > 0.0f ? sqr((m.ior - 1.0f) / (m.ior + 1.0f)) : 1.0f;
+    b.f0 = glm::min(f0 * m.specularColor * glm::vec3(corner.texture(scene, m.specularColorTexture, true)), glm::vec3(1.0f));
+    if (body.boundary && m.ior > 0.0f && std::fabs(m.ior - 1.0f) > 1e-4f) b.eta = s.fromInside ? 1.0f / m.ior : m.ior;
+
+    // KHR_materials_anisotropy: the texture turns and scales; alpha along the direction is mix(alpha, 1, strength^2).
+    glm::vec2 direction(std::cos(m.anisotropyRotation), std::sin(m.anisotropyRotation));
+    float strength = m.anisotropy;
+    if (m.anisotropyTexture) {
+        const glm::vec4 a = corner.texture(scene, m.anisotropyTexture);
+        const glm::vec2 d = glm::vec2(a) * 2.0f - 1.0f;
+        direction = {direction.x * d.x - direction.y * d.y, direction.y * d.x + direction.x * d.y};
+        strength *= a.b;
+        if (!(glm::dot(direction, direction) > 1e-8f)) direction = {1, 0};
+    }
+    b.alphaX = glm::mix(alpha, 1.0f, sqr(glm::clamp(strength, 0.0f, 1.0f)));
+    b.alphaY = alpha;
+
+    const glm::vec3 n = side * mappedNormal(scene, corner, m.normalTexture, m.normalScale, smooth);
+    b.frame = strength > 0.0f ? shadingFrame(corner, n, direction) : Frame::around(n);
+    b.wo = grazingAtLeast(b.frame.toLocal(wo));
+
+    b.coat = glm::clamp(m.clearcoat * corner.texture(scene, m.clearcoatTexture).r, 0.0f, 1.0f);
+    if (b.coat > 0.0f) {
+        b.coatAlpha = std::max(kMinAlpha, sqr(glm::clamp(m.clearcoatRoughness * corner.texture(scene, m.clearcoatRoughnessTexture).g, 0.0f, 1.0f)));
+        b.coatFrame = Frame::around(side * mappedNormal(scene, corner, m.clearcoatNormalTexture, m.clearcoatNormalScale, smooth));
+        b.coatWo = grazingAtLeast(b.coatFrame.toLocal(wo));
+    }
+
+    glm::vec3 walkAlbedo(0.0f);
+    if (body.scatters && !s.fromInside) {
+        s.walk = body.medium;
+        walkAlbedo = body.diffuseAlbedo;
+        if (body.albedoFromBaseColor) {
+            walkAlbedo = b.baseColor;
+            s.walk.albedo = singleScatterOf(b.baseColor, body.medium.g);
+        }
+        const float mean = maxOf(b.specular * (b.f0 + (1.0f - b.f0) / 21.0f));
+        const float enter = (1.0f - b.metallic) * (1.0f - b.transmission) * walkExitFactor(b, b.wo.z) / std::max(1e-3f, 1.0f - mean);
+        s.walkWeight = glm::vec3(enter);
+    } else if (!body.scatters) {
+        b.diffuse = (1.0f - b.transmission) * b.baseColor; // evaluate() applies 1 - metallic
+    }
+    b.finish(walkAlbedo, &s.chanceSubsurface);
+    s.walkWeight *= 1.0f - b.coatShare;
+    return s;
+}
+
+} // namespace nacre::stage
