@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <limits>
 #include <set>
+#include <tuple>
 
 namespace nacre::cli {
 
@@ -27,20 +28,20 @@ struct Range {
 /// Two lights are the same if they shine the same, to the last bit.
 static size_t distinctLights(const OlatSplit& split)
 {
-    std::set<std::pair<std::array<float, 11>, std::string>> lights;
+    std::set<std::tuple<std::array<float, 11>, std::string, const void*>> lights;
     for (const OlatImage& image : split.images) {
         const Light& l = image.light;
         lights.insert({{float(l.type), l.position.x, l.position.y, l.position.z, l.directionToLight.x, l.directionToLight.y,
-                        l.directionToLight.z, l.intensity.x, l.intensity.y, l.intensity.z, l.radius}, l.environmentPath});
+                        l.directionToLight.z, l.intensity.x, l.intensity.y, l.intensity.z, l.radius}, l.environmentPath, l.group.get()});
     }
     return lights.size();
 }
 
 static void printSplit(const OlatSplit& split, size_t lights)
 {
-    static constexpr const char* kLightNames[] = {"point", "directional", "environment"};
+    static constexpr const char* kLightNames[] = {"point", "directional", "environment", "all_on"};
     Range cameraDistance, lightDistance, intensity, focal;
-    std::array<size_t, 3> ofType{};
+    std::array<size_t, 4> ofType{};
     for (const Camera& c : split.cameras) {
         cameraDistance.add(glm::length(c.position()));
         focal.add(c.fx), focal.add(c.fy);
@@ -49,7 +50,7 @@ static void printSplit(const OlatSplit& split, size_t lights)
         const Light& l = image.light;
         ++ofType[size_t(l.type)];
         if (l.type == LightType::kPoint) lightDistance.add(glm::length(l.position));
-        if (l.type != LightType::kEnvironment)
+        if (l.isPunctual())
             for (int c = 0; c < 3; ++c) intensity.add(l.intensity[c]);
     }
     std::string types;

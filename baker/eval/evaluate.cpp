@@ -14,7 +14,8 @@ static_assert(sizeof(ImageMetrics) == sizeof(kFigures) / sizeof(kFigures[0]) * s
 
 Result<std::vector<Light>> rendererLights(const Light& light)
 {
-    if (light.type != LightType::kEnvironment) return std::vector<Light>{light};
+    if (light.type == LightType::kGroup) return *light.group;
+    if (light.isPunctual()) return std::vector<Light>{light};
     return expandEnvironment(light, kEnvironmentDirections);
 }
 

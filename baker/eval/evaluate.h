@@ -34,7 +34,7 @@ struct EvalResult {
     RenderTimes times;                 // zeros without timing
 };
 
-/// The lights that the renderer understands for one image: itself, or its environment map as directional lights.
+/// The lights that the renderer understands for one image: itself, those of its group, or its environment map as directional lights.
 Result<std::vector<Light>> rendererLights(const Light& light);
 
 /// `done` sees each image as soon as it is measured; an error it returns (a full disk, a stop signal) ends the evaluation.

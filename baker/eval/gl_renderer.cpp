@@ -30,8 +30,8 @@ static Result<std::vector<NacreLight>> toNacreLights(std::span<const Light> ligh
 {
     std::vector<NacreLight> out;
     for (const Light& light : lights) {
-        if (light.type == LightType::kEnvironment)
-            return Error{ErrorCode::kUnsupported, "the GL renderer takes point and directional lights; expand environment lights first"};
+        if (!light.isPunctual())
+            return Error{ErrorCode::kUnsupported, "the GL renderer takes point and directional lights; expand others first (rendererLights)"};
         const bool point = light.type == LightType::kPoint;
         NacreLight n{};
         n.type = point ? NACRE_LIGHT_POINT : NACRE_LIGHT_DIRECTIONAL;

@@ -33,7 +33,8 @@ public:
     Result<Image> render(const Camera& camera, std::span<const Light> lights) override
     {
         for (const Light& l : lights)
-            if (l.type == LightType::kEnvironment) return Error{ErrorCode::kUnsupported, "environment light: expand it to directional lights first"};
+            if (!l.isPunctual())
+                return Error{ErrorCode::kUnsupported, "the reference renderer takes point and directional lights; expand others first (rendererLights)"};
         const View<float> view = makeView<float>(camera, asset_.lowPassVariance);
         builder_.build(view, geometry_);
         colors_.assign(builder_.visible.count() * 3, 0.0f);

@@ -81,7 +81,7 @@ std::vector<Light> pickLights(std::span<const Light> all)
 {
     std::vector<Light> usable, picked;
     for (const Light& light : all)
-        if (light.type != LightType::kEnvironment) usable.push_back(light);
+        if (light.isPunctual()) usable.push_back(light);
     const size_t n = std::min<size_t>(usable.size(), kMaxLights);
     for (size_t i = 0; i < n; ++i) picked.push_back(usable[i * usable.size() / n]);
     return picked;

@@ -50,7 +50,7 @@ std::vector<CameraImages> groupByCamera(const OlatSplit& split)
 {
     std::vector<CameraImages> groups(split.cameras.size());
     for (uint32_t i = 0; i < split.images.size(); ++i)
-        if (split.images[i].light.type != LightType::kEnvironment) groups[split.images[i].camera].images.push_back(i);
+        if (split.images[i].light.isPunctual()) groups[split.images[i].camera].images.push_back(i);
     for (uint32_t c = 0; c < groups.size(); ++c) groups[c].camera = c;
     std::erase_if(groups, [](const CameraImages& g) { return g.images.empty(); });
     return groups;
@@ -300,7 +300,7 @@ Status Bake::track()
     int count = 0;
     for (uint32_t i = 0; i < test->images.size(); ++i) {
         const OlatImage& image = test->images[i];
-        if (image.light.type == LightType::kEnvironment) continue;
+        if (!image.light.isPunctual()) continue;
         auto reference = heldOutImages_->get(i);
         if (!reference) return reference.error();
         trainer_->render(test->cameras[image.camera], std::span(&image.light, 1), planes);

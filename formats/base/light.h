@@ -7,11 +7,13 @@
 
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <string>
+#include <vector>
 
 namespace nacre {
 
-enum class LightType : uint8_t { kPoint, kDirectional, kEnvironment };
+enum class LightType : uint8_t { kPoint, kDirectional, kEnvironment, kGroup };
 
 struct Light {
     LightType type = LightType::kPoint;
@@ -20,6 +22,10 @@ struct Light {
     glm::vec3 intensity{1.0f};        // point: radiant intensity I, irradiance I/r^2; directional: irradiance
     float radius = 0.0f;              // point: 1/r^2 stops growing inside this radius (floor kMinLightRadius)
     std::string environmentPath;      // environment: equirectangular EXR, absolute or relative to the process
+    std::shared_ptr<const std::vector<Light>> group; // group: point and directional lights that shine at once
+
+    /// One light with one direction per point: what models train with and renderers take.
+    bool isPunctual() const { return type == LightType::kPoint || type == LightType::kDirectional; }
 };
 
 /// No light is smaller than this, so that a light on top of a Gaussian stays finite (asset units).

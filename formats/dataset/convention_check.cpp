@@ -237,7 +237,7 @@ Result<std::vector<std::string>> checkConventions(const OlatDataset& dataset, Im
     for (const OlatSplit& split : dataset.splits) {
         for (const Camera& camera : split.cameras) poses.push_back(camera.worldFromCamera);
         for (size_t i = 0; i < split.images.size(); i++)
-            if (split.images[i].light.type != LightType::kEnvironment) candidates.emplace_back(&split, i);
+            if (split.images[i].light.isPunctual()) candidates.emplace_back(&split, i);
     }
     const std::optional<glm::dvec3> centre = commonPoint(poses);
     if (checkCameras(poses, centre, out)) return out;

@@ -40,6 +40,10 @@ void compareCameras(const Camera& a, const Camera& b, Differences& d)
 void compareLights(const Light& a, const Light& b, Differences& d)
 {
     d.lightTypesDiffer += a.type != b.type;
+    if (a.type == LightType::kGroup && b.type == LightType::kGroup && a.group->size() == b.group->size()) {
+        for (size_t i = 0; i < a.group->size(); ++i) compareLights((*a.group)[i], (*b.group)[i], d);
+        return;
+    }
     if (a.type == LightType::kPoint) d.light = std::max(d.light, double(glm::distance(a.position, b.position)));
     if (a.type == LightType::kDirectional) d.light = std::max(d.light, double(glm::distance(a.directionToLight, b.directionToLight)));
     for (int c = 0; c < 3; ++c)

@@ -5,6 +5,7 @@
 //       {type: "point", position, intensity}                      irradiance = intensity / r^2
 //       {type: "directional", direction_to_light, irradiance}
 //       {type: "environment", map}                                equirectangular EXR
+//       {type: "all_on"}                                          all of the top level's `lights` (points, directionals) at once
 // Colour is premultiplied by alpha (over black); srgb encodes the premultiplied value. Without a color_space in any split PNG is taken
 // as srgb, which is what 8-bit images hold, with a warning, and EXR as linear.
 #include "dataset/loader.h"
@@ -15,7 +16,8 @@
 namespace nacre {
 namespace {
 
-Light readLight(const DatasetSource& source, const JsonNode& node)
+/// `allOn` are the lights of the top level.
+Light readLight(const DatasetSource& source, const JsonNode& node, const std::shared_ptr<const std::vector<Light>>& allOn)
 {
     Light light;
     const std::string type = node["type"].string();
@@ -33,10 +35,26 @@ Light readLight(const DatasetSource& source, const JsonNode& node)
     } else if (type == "environment") {
         light.type = LightType::kEnvironment;
         light.environmentPath = findImage(source, "", node["map"].string(), node["map"]);
+    } else if (type == "all_on") {
+        light.type = LightType::kGroup;
+        light.group = allOn;
+        if (allOn->empty()) node["type"].fail("the lights that are on, in `lights` of the top level", "none");
     } else {
-        node["type"].fail("\"point\", \"directional\" or \"environment\"", inQuotes(type));
+        node["type"].fail("\"point\", \"directional\", \"environment\" or \"all_on\"", inQuotes(type));
     }
     return light;
+}
+
+std::shared_ptr<const std::vector<Light>> readAllOn(const DatasetSource& source, const JsonNode& node)
+{
+    auto lights = std::make_shared<std::vector<Light>>();
+    if (!node.exists()) return lights;
+    const auto none = std::make_shared<const std::vector<Light>>();
+    for (const JsonNode& item : node.items()) {
+        lights->push_back(readLight(source, item, none));
+        if (!lights->back().isPunctual()) item["type"].fail("\"point\" or \"directional\"", inQuotes(item["type"].string()));
+    }
+    return lights;
 }
 
 /// What the split says, if it does. Splits must not disagree.
@@ -67,10 +85,11 @@ Status loadCanonical(const DatasetSource& source, OlatDataset& out)
         camera.width = top["width"].integer(1, 65536);
         camera.height = top["height"].integer(1, 65536);
         SplitBuilder builder(description.split);
+        const auto allOn = readAllOn(source, top["lights"]);
         for (const JsonNode& frame : description.frames().items()) {
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
             readIntrinsics(frame, top, camera);
-            const Light light = readLight(source, frame["light"]);
+            const Light light = readLight(source, frame["light"], allOn);
             builder.add(camera, light, findImage(source, "", frame["file_path"].string(), frame["file_path"]));
             if (description.json.failed()) break;
         }
