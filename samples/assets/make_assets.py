@@ -43,12 +43,13 @@ def ball(c, r):
 
 
 def ellipsoid(c, r):
-    """Quilez's bound k0 (k0 - 1) / k1: exact on the surface, close to the distance near it."""
+    """Quilez's bound k0 (k0 - 1) / k1: exact on the surface, close to the distance near it; no deeper inside than the shortest radius."""
+    deepest = -min(r)
     def f(p):
         x, y, z = (p[0] - c[0]) / r[0], (p[1] - c[1]) / r[1], (p[2] - c[2]) / r[2]
         k0 = math.sqrt(x * x + y * y + z * z)
         k1 = math.sqrt((x / r[0])**2 + (y / r[1])**2 + (z / r[2])**2)
-        return k0 * (k0 - 1) / k1 if k1 > 1e-9 else -min(r)
+        return max(k0 * (k0 - 1) / k1, deepest) if k1 > 1e-9 else deepest
     return f, c, max(r)
 
 
@@ -145,7 +146,7 @@ def patches(inside):
     return list(sheets.values())
 
 
-def surface_net(f, lo, hi, cell, lipschitz=1.5, block=6):
+def surface_net(f, lo, hi, cell, lipschitz=2.0, block=6):
     """One vertex per sheet of surface in a cell, one quad per crossed grid edge. Blocks of cells whose centre is farther from the
     surface than they are wide are not looked into."""
     size = [int(math.ceil((hi[a] - lo[a]) / cell / block)) * block for a in range(3)]
@@ -663,7 +664,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="figurine, vase, pebble; default: all")
     parser.add_argument("--out", default=os.path.dirname(os.path.abspath(__file__)), help="folder to write to; default: beside this script")
-    parser.add_argument("--cell", type=float, default=0.155, help="grid cell of the figurine in centimetres")
+    parser.add_argument("--cell", type=float, default=0.150, help="grid cell of the figurine in centimetres")
     arguments = parser.parse_args()
     for name in arguments.names or makers:
         if name not in makers:
