@@ -9,6 +9,7 @@
 // like the list of what an asset must have.
 #include "asset/glb_layout.h"
 
+#include "base/glb_container.h"
 #include "base/text.h"
 
 #include <nlohmann/json.hpp>
@@ -36,53 +37,10 @@ struct Fault {
 [[noreturn]] void bad(const std::string& message) { throw Fault{ErrorCode::kBadInput, message}; }
 [[noreturn]] void unsupported(const std::string& message) { throw Fault{ErrorCode::kUnsupported, message}; }
 
-// ---- GLB container ----------------------------------------------------------------------------------------------------------
-
-struct Chunks {
-    std::string_view json;
-    std::span<const std::byte> bin;
-};
-
-uint32_t u32At(std::span<const std::byte> bytes, size_t offset)
-{
-    uint32_t value;
-    std::memcpy(&value, bytes.data() + offset, 4);
-    return value;
-}
-
-Chunks splitChunks(std::span<const std::byte> bytes)
-{
-    constexpr uint32_t kMagic = 0x46546C67, kJson = 0x4E4F534A, kBin = 0x004E4942;
-    const std::string size = std::to_string(bytes.size());
-    if (bytes.size() < 20) bad("not a .glb: " + size + " bytes, the headers alone take 20");
-    if (u32At(bytes, 0) != kMagic) bad("not a .glb: it does not begin with 'glTF'");
-    if (u32At(bytes, 4) != 2) unsupported("GLB version " + std::to_string(u32At(bytes, 4)) + ", expected 2");
-    if (u32At(bytes, 8) != bytes.size())
-        bad("the GLB header says " + std::to_string(u32At(bytes, 8)) + " bytes, the file has " + size + " (truncated?)");
-
-    Chunks chunks;
-    size_t offset = 12;
-    for (int i = 0; offset < bytes.size(); ++i) {
-        if (bytes.size() - offset < 8) bad("GLB chunk header cut off at byte " + std::to_string(offset));
-        const size_t length = u32At(bytes, offset);
-        const uint32_t type = u32At(bytes, offset + 4);
-        offset += 8;
-        if (length > bytes.size() - offset)
-            bad("GLB chunk " + std::to_string(i) + " needs " + std::to_string(length) + " bytes, " +
-                std::to_string(bytes.size() - offset) + " left");
-        if ((type == kJson) != (i == 0)) bad("the first GLB chunk, and only that one, must be JSON");
-        if (type == kBin && i != 1) bad("the binary GLB chunk must be the second");
-        if (type == kJson) chunks.json = {reinterpret_cast<const char*>(bytes.data() + offset), length};
-        if (type == kBin) chunks.bin = bytes.subspan(offset, length);
-        offset += length; // chunks of other types are skipped, as glTF demands
-        if (offset % 4 != 0) bad("GLB chunk " + std::to_string(i) + " is not padded to 4 bytes");
-    }
-    return chunks;
-}
-
 /// Bounds size and nesting before the parser sees the text.
-json parseJson(std::string_view text)
+json parseJson(std::span<const std::byte> chunk)
 {
+    const std::string_view text(reinterpret_cast<const char*>(chunk.data()), chunk.size());
     if (text.size() > kMaxJsonBytes)
         bad("the JSON chunk has " + std::to_string(text.size()) + " bytes, at most " + std::to_string(kMaxJsonBytes) +
             " are accepted");
@@ -401,7 +359,9 @@ Channel readChannel(const json& document, std::span<const std::byte> bin, const 
 
 SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
 {
-    const Chunks chunks = splitChunks(bytes);
+    const Result<GlbChunks> split = splitGlb(bytes);
+    if (!split) throw Fault{split.error().code, split.error().message};
+    const GlbChunks& chunks = *split;
     const json document = parseJson(chunks.json);
     const SplatPrimitive splats = findSplats(document);
     checkHeader(document, splats);

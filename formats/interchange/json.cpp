@@ -66,6 +66,7 @@ std::string JsonNode::describe() const
 bool JsonNode::isNumber() const { return value_ && valueOf(value_).is_number(); }
 bool JsonNode::isString() const { return value_ && valueOf(value_).is_string(); }
 bool JsonNode::isArray() const { return value_ && valueOf(value_).is_array(); }
+bool JsonNode::isObject() const { return value_ && valueOf(value_).is_object(); }
 
 JsonNode JsonNode::operator[](const char* key) const
 {
@@ -99,15 +100,26 @@ JsonNode JsonNode::firstItem() const
     return {document_, &*valueOf(value_).begin(), where_ + "[0]"};
 }
 
-double JsonNode::number() const
+std::vector<std::string> JsonNode::keys() const
+{
+    std::vector<std::string> out;
+    if (!isObject()) {
+        fail("object", describe());
+        return out;
+    }
+    for (auto it = valueOf(value_).begin(); it != valueOf(value_).end(); ++it) out.push_back(it.key());
+    return out;
+}
+
+double JsonNode::number(double largest) const
 {
     if (!isNumber()) {
         fail("number", describe());
         return 0.0;
     }
     const double x = valueOf(value_).get<double>();
-    if (!(std::fabs(x) <= 1e30)) {
-        fail("finite number of at most 1e30", describe());
+    if (!(std::fabs(x) <= largest)) {
+        fail("finite number of at most " + json(largest).dump(), describe());
         return 0.0;
     }
     return x;
@@ -121,6 +133,30 @@ int JsonNode::integer(int lowest, int highest) const
         return lowest;
     }
     return int(x);
+}
+
+uint64_t JsonNode::size(uint64_t highest) const
+{
+    const double x = number();
+    if (x != std::floor(x) || x < 0 || x > double(highest)) {
+        fail("whole number from 0 to " + std::to_string(highest), describe());
+        return 0;
+    }
+    return uint64_t(x);
+}
+
+bool JsonNode::boolean() const
+{
+    if (value_ && valueOf(value_).is_boolean()) return valueOf(value_).get<bool>();
+    fail("true or false", describe());
+    return false;
+}
+
+std::string_view JsonNode::text() const
+{
+    if (isString()) return valueOf(value_).get_ref<const std::string&>();
+    fail("string", describe());
+    return {};
 }
 
 std::string JsonNode::string() const

@@ -1,4 +1,4 @@
-// JSON in, for description files of datasets. Only json.cpp knows the library.
+// JSON in, for description files of datasets and for glTF. Only json.cpp knows the library.
 //
 // A JsonNode is a value and the way to it ("frames[12].light.position"). Getters never fail loudly: the first mismatch is kept in
 // the document and a harmless default comes back, so a loader reads a whole frame and then asks once: if (doc.failed()) ...
@@ -8,9 +8,11 @@
 #include "base/text.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace nacre {
@@ -44,13 +46,18 @@ public:
     bool isNumber() const;
     bool isString() const;
     bool isArray() const;
+    bool isObject() const;
     JsonNode operator[](const char* key) const;       // absent if there is no such key; reading an absent node is the error
     std::vector<JsonNode> items() const;              // elements of an array, or values of an object in key order
     JsonNode firstItem() const;                       // the first of them, absent if there is none; records nothing
+    std::vector<std::string> keys() const;            // of an object, sorted
 
-    double number() const;                            // finite, |x| <= 1e30
+    double number(double largest = 1e30) const;       // finite, |x| <= largest
     int integer(int lowest, int highest) const;       // a whole number in the range
+    uint64_t size(uint64_t highest) const;            // a whole number from 0; exact up to 2^53
+    bool boolean() const;
     std::string string() const;                       // at most 4096 bytes, no NUL
+    std::string_view text() const;                    // any string, as it is; valid while the document lives
     std::vector<double> numbers(size_t count) const;  // array of exactly `count`
 
     /// Records a mismatch at this place: what was expected, what was found.

@@ -65,10 +65,11 @@ struct PngHeader {
     uint32_t width = 0, height = 0, bitDepth = 0;
 };
 
+constexpr unsigned char kSignature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+
 /// Reads the first chunk: signature, length 13, "IHDR", width, height, bit depth, colour type.
 Result<PngHeader> readHeader(std::span<const std::byte> bytes, const std::string& name)
 {
-    static constexpr unsigned char kSignature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
     if (bytes.size() < 33 || std::memcmp(bytes.data(), kSignature, 8) != 0 || std::memcmp(bytes.data() + 12, "IHDR", 4) != 0)
         return bad(name, "not a PNG file (" + std::to_string(bytes.size()) + " bytes)");
     const PngHeader h{bigEndian(bytes, 16), bigEndian(bytes, 20), uint32_t(bytes[24])};
@@ -103,15 +104,34 @@ Status checkChunks(std::span<const std::byte> bytes, const std::string& name)
     }
 }
 
+/// Everything stb would believe, checked before it is called.
+Result<PngHeader> checkFile(std::span<const std::byte> bytes, const std::string& name)
+{
+    Result<PngHeader> header = readHeader(bytes, name);
+    if (!header) return header;
+    if (Status s = checkChunks(bytes, name); !s) return s.error();
+    if (bytes.size() > size_t(INT_MAX)) return bad(name, "PNG larger than 2 GiB");
+    return header;
+}
+
 } // namespace
+
+bool looksLikePng(std::span<const std::byte> bytes) { return bytes.size() >= 8 && std::memcmp(bytes.data(), kSignature, 8) == 0; }
+
+Result<Image8> decodePng8(std::span<const std::byte> bytes, const std::string& name)
+{
+    if (Result<PngHeader> header = checkFile(bytes, name); !header) return header.error();
+    int w = 0, h = 0, channels = 0;
+    stbi_uc* decoded = stbi_load_from_memory(reinterpret_cast<const stbi_uc*>(bytes.data()), int(bytes.size()), &w, &h, &channels, 4);
+    const std::unique_ptr<stbi_uc, void (*)(void*)> owner(decoded, stbi_image_free);
+    if (!decoded) return bad(name, std::string("broken PNG: ") + stbi_failure_reason());
+    return Image8{w, h, std::vector<uint8_t>(decoded, decoded + size_t(w) * size_t(h) * 4)};
+}
 
 Result<Image> decodePng(std::span<const std::byte> bytes, const std::string& name)
 {
-    Result<PngHeader> header = readHeader(bytes, name);
+    const Result<PngHeader> header = checkFile(bytes, name);
     if (!header) return header.error();
-    if (Status s = checkChunks(bytes, name); !s) return s.error();
-    if (bytes.size() > size_t(INT_MAX)) return bad(name, "PNG larger than 2 GiB");
-
     const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
     const int size = int(bytes.size());
     const bool wide = header->bitDepth == 16;

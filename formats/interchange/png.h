@@ -3,6 +3,7 @@
 
 #include "base/image.h"
 #include "base/result.h"
+#include "interchange/image8.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -17,6 +18,12 @@ Result<Image> readPng(const std::string& path);
 
 /// The same from memory. `name` stands for the file in error messages.
 Result<Image> decodePng(std::span<const std::byte> bytes, const std::string& name);
+
+/// Whether the bytes begin like a PNG.
+bool looksLikePng(std::span<const std::byte> bytes);
+
+/// The same image in 8 bits (16-bit samples lose their lower half): textures.
+Result<Image8> decodePng8(std::span<const std::byte> bytes, const std::string& name);
 
 /// Width and height only: `rgba` stays empty.
 Result<Image> readPngSize(const std::string& path);
