@@ -39,7 +39,7 @@ struct PathTracer::State {
 namespace {
 
 constexpr int kLanes = kSamplesPerPass;
-constexpr int kRouletteStart = 3;      // bounces before paths may end by chance
+constexpr uint32_t kRouletteStart = 3; // vertices before paths may end by chance
 constexpr int kMaxClearSurfaces = 256; // straight through alpha and index-matched surfaces, per ray
 
 enum class VertexKind : uint8_t { kSurface, kWalkExit, kPhase };
@@ -63,7 +63,8 @@ struct Lane {
     glm::vec3 origin{0.0f}, direction{0, 0, 1}, throughput{1.0f};
     float pdf = 0.0f;  // of `direction`; 0: the camera's or a straight continuation of it
     int medium = -1;   // material whose medium the ray is in
-    int bounces = 0;
+    int bounces = 0;         // on surfaces
+    uint32_t vertices = 0;   // all kinds: numbers the dimensions of the sampler
     PixelSampler sampler;
     Rng rng;
 };
@@ -172,6 +173,7 @@ float PassTracer::trace(const Camera& camera, int x, int y, uint32_t passSeed, f
         lane.pdf = 0.0f;
         lane.medium = -1;
         lane.bounces = 0;
+        lane.vertices = 0;
         lane.alive = true;
         lane.hasVertex = lane.entered = false;
     }
@@ -204,6 +206,10 @@ void PassTracer::advance(Lane& lane, float* radiance)
         if (!hit.found() && event < kInfinity) { // scattered inside the medium
             lane.throughput *= distances.weightToScatter(body->medium, event);
             lane.origin += lane.direction * event;
+            if (!state_.rays->everything().encloses(lane.origin)) { // left through a hole
+                lane.alive = false;
+                return;
+            }
             if (body->invisible) { // light reaches this point straight through the boundary: a vertex
                 Vertex& v = lane.vertex;
                 v.kind = VertexKind::kPhase;
@@ -385,7 +391,7 @@ void PassTracer::lightMaps(float* radiance)
             const Vertex& v = lane.vertex;
             glm::vec3 w, value;
             float pdf = 0.0f;
-            if (!map.light.sample(lane.sampler.get2(uint32_t(1000 + 64 * m) + uint32_t(lane.bounces)), &w, &value, &pdf)) continue;
+            if (!map.light.sample(lane.sampler.get2((uint32_t(m + 1) << 24) + lane.vertices), &w, &value, &pdf)) continue;
             const glm::vec3 f = v.evaluate(w, state_);
             if (!(maxOf(f) > 0.0f)) continue;
             const glm::vec3 origin = v.kind == VertexKind::kPhase ? v.position : offsetPoint(v.position, glm::dot(w, v.ng) < 0.0f ? -v.ng : v.ng);
@@ -409,11 +415,11 @@ void PassTracer::scatter(Lane& lane)
     Vertex& v = lane.vertex;
     lane.hasVertex = false;
     lane.throughput = v.throughput;
-    if (++lane.bounces > maxBounces_) {
+    if (v.kind != VertexKind::kPhase && ++lane.bounces > maxBounces_) {
         lane.alive = false;
         return;
     }
-    const uint32_t dimension = uint32_t(3 * lane.bounces);
+    const uint32_t dimension = 2 * ++lane.vertices; // 0 and 1: the place in the pixel
     glm::vec3 wi;
     if (v.kind == VertexKind::kPhase) {
         wi = sampleHenyeyGreenstein(v.travel, state_.surfaces->body(v.medium).medium.g, lane.rng.next2());
@@ -450,7 +456,7 @@ void PassTracer::scatter(Lane& lane)
         if (through && state_.surfaces->body(v.surface.material).boundary) lane.medium = v.surface.fromInside ? -1 : v.surface.material;
     }
     lane.direction = wi;
-    if (lane.bounces >= kRouletteStart) {
+    if (lane.vertices >= kRouletteStart) {
         const float q = std::min(1.0f, maxOf(lane.throughput));
         if (!(q > 0.0f) || lane.rng.next() >= q) {
             lane.alive = false;
@@ -465,7 +471,7 @@ bool PassTracer::leaveAsWalk(Lane& lane)
 {
     Vertex& v = lane.vertex;
     ++counters.walks;
-    const WalkResult walk = randomWalk(*state_.rays, v.surface.material, v.surface.walk, v.position, v.surface.geometricNormal, lane.rng);
+    const WalkResult walk = randomWalk(state_.rays->body(v.surface.material), v.surface.walk, v.position, v.surface.geometricNormal, lane.rng);
     counters.walkRays += walk.steps;
     if (walk.end != WalkEnd::kLeft) {
         counters.leaked += walk.end == WalkEnd::kLeaked;

@@ -21,8 +21,8 @@ struct WalkResult {
     uint64_t steps = 0;
 };
 
-/// `normal`: geometric, outward, unit. Space outside all sigma_t > 0 channels is crossed in straight lines.
-inline WalkResult randomWalk(const RayScene& scene, int material, const Medium& medium, const glm::vec3& entry, const glm::vec3& normal, Rng& rng)
+/// `normal`: geometric, outward, unit.
+inline WalkResult randomWalk(const RayScene::Body& body, const Medium& medium, const glm::vec3& entry, const glm::vec3& normal, Rng& rng)
 {
     WalkResult walk;
     const float size = std::max({std::fabs(entry.x), std::fabs(entry.y), std::fabs(entry.z), 0.05f});
@@ -31,7 +31,7 @@ inline WalkResult randomWalk(const RayScene& scene, int material, const Medium& 
     while (walk.steps < kMaxWalkSteps) {
         const DistanceSampler distances(medium, walk.weight);
         const float event = distances.sample(medium, rng);
-        const RayHit hit = scene.intersectBody(material, p, d, event);
+        const RayHit hit = body.intersect(p, d, event);
         ++walk.steps;
         if (hit.found()) {
             walk.weight *= distances.weightToSurface(medium, hit.distance);
@@ -40,12 +40,12 @@ inline WalkResult randomWalk(const RayScene& scene, int material, const Medium& 
             walk.end = WalkEnd::kLeft;
             return walk;
         }
-        if (!(event < kInfinity)) {
+        p += d * event;
+        if (!body.encloses(p)) { // through a hole; catches an endless step too
             walk.end = WalkEnd::kLeaked;
             return walk;
         }
         walk.weight *= distances.weightToScatter(medium, event);
-        p += d * event;
         d = sampleHenyeyGreenstein(d, medium.g, rng.next2());
         if (walk.steps < kWalkRouletteStart) continue;
         const float q = std::min(1.0f, maxOf(walk.weight));

@@ -6,7 +6,8 @@
 
 #include <atomic>
 #include <cstddef>
-#include <map>
+#include <algorithm>
+#include <string>
 #include <vector>
 
 namespace nacre::stage {
@@ -20,7 +21,8 @@ struct RayScene::State {
     RTCDevice device = nullptr;
     RTCScene scene = nullptr;
     std::vector<RTCGeometry> geometries; // per mesh, then the fibres
-    std::map<int, RTCScene> bodies;
+    std::vector<Body> bodies; // per material; no scene where there is none
+    Body everything;
     std::vector<uint32_t> segmentStarts;
     std::atomic<ptrdiff_t> bytes{0};
 };
@@ -37,6 +39,14 @@ static RTCScene newScene(RTCDevice device)
     rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_HIGH);
     return scene;
+}
+
+static RayScene::Body commit(RTCScene scene)
+{
+    rtcCommitScene(scene);
+    RTCBounds b;
+    rtcGetSceneBounds(scene, &b);
+    return {scene, {b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};
 }
 
 RayScene::RayScene(const MeshScene& mesh, const HairStrands& hair, int threads) : state_(new State(mesh))
@@ -67,12 +77,13 @@ RayScene::RayScene(const MeshScene& mesh, const HairStrands& hair, int threads) 
         s.geometries.push_back(geometry);
     }
     for (size_t i = 0; i < s.geometries.size(); ++i) rtcAttachGeometryByID(s.scene, s.geometries[i], unsigned(i));
-    rtcCommitScene(s.scene);
+    s.everything = commit(s.scene);
 }
 
 RayScene::~RayScene()
 {
-    for (auto& [material, scene] : state_->bodies) rtcReleaseScene(scene);
+    for (const Body& body : state_->bodies)
+        if (body.scene) rtcReleaseScene(static_cast<RTCScene>(body.scene));
     for (RTCGeometry geometry : state_->geometries) rtcReleaseGeometry(geometry);
     rtcReleaseScene(state_->scene);
     rtcReleaseDevice(state_->device);
@@ -81,13 +92,15 @@ RayScene::~RayScene()
 void RayScene::prepareBody(int material)
 {
     State& s = *state_;
-    if (s.bodies.count(material)) return;
     RTCScene scene = newScene(s.device);
     for (size_t i = 0; i < s.mesh.meshes.size(); ++i)
         if (s.mesh.meshes[i].material == material) rtcAttachGeometryByID(scene, s.geometries[i], unsigned(i));
-    rtcCommitScene(scene);
-    s.bodies[material] = scene;
+    if (s.bodies.size() <= size_t(material)) s.bodies.resize(size_t(material) + 1);
+    s.bodies[size_t(material)] = commit(scene);
 }
+
+const RayScene::Body& RayScene::body(int material) const { return state_->bodies[size_t(material)]; }
+const RayScene::Body& RayScene::everything() const { return state_->everything; }
 
 static RayHit trace(RTCScene scene, const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance)
 {
@@ -110,9 +123,9 @@ RayHit RayScene::intersect(const glm::vec3& origin, const glm::vec3& direction, 
     return trace(state_->scene, origin, direction, nearDistance, farDistance);
 }
 
-RayHit RayScene::intersectBody(int material, const glm::vec3& origin, const glm::vec3& direction, float farDistance) const
+RayHit RayScene::Body::intersect(const glm::vec3& origin, const glm::vec3& direction, float farDistance) const
 {
-    return trace(state_->bodies.find(material)->second, origin, direction, 0.0f, farDistance);
+    return trace(static_cast<RTCScene>(scene), origin, direction, 0.0f, farDistance);
 }
 
 void RayScene::occluded(const int32_t valid[8], ShadowPacket& packet, bool coherent) const
@@ -137,18 +150,5 @@ bool RayScene::occluded(const glm::vec3& origin, const glm::vec3& direction, flo
 }
 
 size_t RayScene::memoryBytes() const { return size_t(std::max<ptrdiff_t>(0, state_->bytes.load())); }
-
-glm::vec3 RayScene::boundsMin() const
-{
-    RTCBounds b;
-    rtcGetSceneBounds(state_->scene, &b);
-    return {b.lower_x, b.lower_y, b.lower_z};
-}
-glm::vec3 RayScene::boundsMax() const
-{
-    RTCBounds b;
-    rtcGetSceneBounds(state_->scene, &b);
-    return {b.upper_x, b.upper_y, b.upper_z};
-}
 
 } // namespace nacre::stage

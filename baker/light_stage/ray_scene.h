@@ -37,16 +37,25 @@ public:
     ~RayScene();
 
     RayHit intersect(const glm::vec3& origin, const glm::vec3& direction, float nearDistance = 0, float farDistance = kInfinity) const;
-    /// The same among the triangles of one material, for walks inside a body. `prepareBody` comes first, once.
-    RayHit intersectBody(int material, const glm::vec3& origin, const glm::vec3& direction, float farDistance) const;
-    void prepareBody(int material);
+    /// The triangles of one material as a scene of their own, for walks inside that body.
+    struct Body {
+        void* scene = nullptr;
+        glm::vec3 lower{0.0f}, upper{0.0f};
+        RayHit intersect(const glm::vec3& origin, const glm::vec3& direction, float farDistance) const;
+        bool encloses(const glm::vec3& p) const
+        {
+            return p.x >= lower.x && p.y >= lower.y && p.z >= lower.z && p.x <= upper.x && p.y <= upper.y && p.z <= upper.z;
+        }
+    };
+    void prepareBody(int material);                     // once per material, before body()
+    const Body& body(int material) const;
+    const Body& everything() const;
 
     /// valid: -1 traces a ray, 0 skips it. coherent: rays start close together and run alike.
     void occluded(const int32_t valid[8], ShadowPacket& packet, bool coherent) const;
     bool occluded(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const;
 
     size_t memoryBytes() const;
-    glm::vec3 boundsMin() const, boundsMax() const;
 
 private:
     struct State;
