@@ -544,6 +544,7 @@ PathTracer::PathTracer(std::unique_ptr<State> state) : state_(std::move(state)) 
 PathTracer::PathTracer(PathTracer&&) noexcept = default;
 PathTracer& PathTracer::operator=(PathTracer&&) noexcept = default;
 PathTracer::~PathTracer() = default;
+const RayScene& PathTracer::rays() const { return *state_->rays; }
 const std::vector<std::string>& PathTracer::warnings() const { return state_->warnings; }
 
 Result<PathTracer> PathTracer::create(StageScene scene)

@@ -19,6 +19,10 @@
 
 namespace nacre {
 
+namespace stage {
+class RayScene;
+}
+
 /// What lies beneath a surface that scatters light inside (random walk after Chiang, Kutz and Burley 2016).
 enum class SubsurfaceBoundary : uint8_t {
     kDiffuse,    // light enters and leaves with a cosine distribution under the material's specular layer (Chiang et al.; Cycles)
@@ -80,6 +84,8 @@ public:
 
     const std::vector<std::string>& warnings() const;
     size_t memoryBytes() const;    // of geometry, textures and acceleration structures
+
+    const stage::RayScene& rays() const;
 
     struct State; // path_tracer.cpp
 private:

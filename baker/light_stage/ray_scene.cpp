@@ -23,6 +23,7 @@ struct RayScene::State {
     std::vector<RTCGeometry> geometries; // per mesh, then the fibres
     std::vector<Body> bodies; // per material; no scene where there is none
     Body everything;
+    RayLog* log = nullptr;
     std::vector<uint32_t> segmentStarts;
     std::atomic<ptrdiff_t> bytes{0};
 };
@@ -41,12 +42,12 @@ static RTCScene newScene(RTCDevice device)
     return scene;
 }
 
-static RayScene::Body commit(RTCScene scene)
+static RayScene::Body commit(RTCScene scene, RayLog* const* log)
 {
     rtcCommitScene(scene);
     RTCBounds b;
     rtcGetSceneBounds(scene, &b);
-    return {scene, {b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};
+    return {scene, log, {b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};
 }
 
 RayScene::RayScene(const MeshScene& mesh, const HairStrands& hair, int threads) : state_(new State(mesh))
@@ -77,7 +78,7 @@ RayScene::RayScene(const MeshScene& mesh, const HairStrands& hair, int threads) 
         s.geometries.push_back(geometry);
     }
     for (size_t i = 0; i < s.geometries.size(); ++i) rtcAttachGeometryByID(s.scene, s.geometries[i], unsigned(i));
-    s.everything = commit(s.scene);
+    s.everything = commit(s.scene, &s.log);
 }
 
 RayScene::~RayScene()
@@ -96,7 +97,7 @@ void RayScene::prepareBody(int material)
     for (size_t i = 0; i < s.mesh.meshes.size(); ++i)
         if (s.mesh.meshes[i].material == material) rtcAttachGeometryByID(scene, s.geometries[i], unsigned(i));
     if (s.bodies.size() <= size_t(material)) s.bodies.resize(size_t(material) + 1);
-    s.bodies[size_t(material)] = commit(scene);
+    s.bodies[size_t(material)] = commit(scene, &s.log);
 }
 
 const RayScene::Body& RayScene::body(int material) const { return state_->bodies[size_t(material)]; }
@@ -120,23 +121,25 @@ static RayHit trace(RTCScene scene, const glm::vec3& origin, const glm::vec3& di
 
 RayHit RayScene::intersect(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const
 {
+    if (state_->log) state_->log->singles.push_back({origin, direction, nearDistance, farDistance, false, state_->scene});
     return trace(state_->scene, origin, direction, nearDistance, farDistance);
 }
 
 RayHit RayScene::Body::intersect(const glm::vec3& origin, const glm::vec3& direction, float farDistance) const
 {
+    if (*log) (*log)->singles.push_back({origin, direction, 0.0f, farDistance, false, scene});
     return trace(static_cast<RTCScene>(scene), origin, direction, 0.0f, farDistance);
 }
 
-void RayScene::occluded(const int32_t valid[8], ShadowPacket& packet, bool coherent) const
+static void occludedPacket(RTCScene scene, const int32_t valid[8], ShadowPacket& packet, bool coherent)
 {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     if (coherent) context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    rtcOccluded8(valid, state_->scene, &context, reinterpret_cast<RTCRay8*>(&packet));
+    rtcOccluded8(valid, scene, &context, reinterpret_cast<RTCRay8*>(&packet));
 }
 
-bool RayScene::occluded(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const
+static bool occludedSingle(RTCScene scene, const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance)
 {
     RTCRay r;
     r.org_x = origin.x, r.org_y = origin.y, r.org_z = origin.z;
@@ -145,8 +148,40 @@ bool RayScene::occluded(const glm::vec3& origin, const glm::vec3& direction, flo
     r.time = 0, r.mask = ~0u, r.id = 0, r.flags = 0;
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    rtcOccluded1(state_->scene, &context, &r);
+    rtcOccluded1(scene, &context, &r);
     return r.tfar < 0.0f;
+}
+
+void RayScene::occluded(const int32_t valid[8], ShadowPacket& packet, bool coherent) const
+{
+    if (state_->log) {
+        RayLog::Packet& p = state_->log->packets.emplace_back();
+        p.rays = packet;
+        p.coherent = coherent;
+        std::copy(valid, valid + 8, p.valid);
+    }
+    occludedPacket(state_->scene, valid, packet, coherent);
+}
+
+bool RayScene::occluded(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const
+{
+    if (state_->log) state_->log->singles.push_back({origin, direction, nearDistance, farDistance, true, state_->scene});
+    return occludedSingle(state_->scene, origin, direction, nearDistance, farDistance);
+}
+
+void RayScene::setLog(RayLog* log) const { state_->log = log; }
+
+void RayScene::replay(const RayLog& log) const
+{
+    for (const RayLog::Single& s : log.singles) {
+        RTCScene scene = static_cast<RTCScene>(const_cast<void*>(s.scene));
+        if (s.shadow) occludedSingle(scene, s.origin, s.direction, s.nearDistance, s.farDistance);
+        else trace(scene, s.origin, s.direction, s.nearDistance, s.farDistance);
+    }
+    for (const RayLog::Packet& p : log.packets) {
+        ShadowPacket packet = p.rays; // tracing overwrites it
+        occludedPacket(state_->scene, p.valid, packet, p.coherent);
+    }
 }
 
 size_t RayScene::memoryBytes() const { return size_t(std::max<ptrdiff_t>(0, state_->bytes.load())); }

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
-#include <span>
+#include <vector>
 
 namespace nacre::stage {
 
@@ -30,6 +30,23 @@ struct alignas(32) ShadowPacket {
     uint32_t mask[8], id[8], flags[8];
 };
 
+/// Every ray of one thread, for tracing it again without the renderer around it (tests/bench/bench_stage.cpp).
+struct RayLog {
+    struct Single {
+        glm::vec3 origin, direction;
+        float nearDistance, farDistance;
+        bool shadow;
+        const void* scene;
+    };
+    struct Packet {
+        ShadowPacket rays;
+        int32_t valid[8];
+        bool coherent;
+    };
+    std::vector<Single> singles;
+    std::vector<Packet> packets;
+};
+
 class RayScene {
 public:
     /// Keeps references to both; they must outlive it unchanged.
@@ -40,6 +57,7 @@ public:
     /// The triangles of one material as a scene of their own, for walks inside that body.
     struct Body {
         void* scene = nullptr;
+        RayLog* const* log = nullptr;
         glm::vec3 lower{0.0f}, upper{0.0f};
         RayHit intersect(const glm::vec3& origin, const glm::vec3& direction, float farDistance) const;
         bool encloses(const glm::vec3& p) const
@@ -56,6 +74,8 @@ public:
     bool occluded(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const;
 
     size_t memoryBytes() const;
+    void setLog(RayLog* log) const;  // null ends it; one thread only while it is on
+    void replay(const RayLog& log) const;
 
 private:
     struct State;
