@@ -12,6 +12,7 @@
 #include "base/hash.h"
 #include "interchange/exr.h"
 #include "light_stage/environment_light.h"
+#include "light_stage/hair_bsdf.h"
 #include "light_stage/random_walk.h"
 #include "light_stage/surface.h"
 
@@ -34,6 +35,8 @@ struct PathTracer::State {
     std::vector<std::string> warnings;
     std::unique_ptr<RayScene> rays;
     std::unique_ptr<SurfaceTable> surfaces;
+    HairFiber fiber;
+    bool isFiber(const RayHit& hit) const { return hit.mesh == scene.mesh.meshes.size(); }
 };
 
 namespace {
@@ -42,7 +45,7 @@ constexpr int kLanes = kSamplesPerPass;
 constexpr uint32_t kRouletteStart = 3; // vertices before paths may end by chance
 constexpr int kMaxClearSurfaces = 256; // straight through alpha and index-matched surfaces, per ray
 
-enum class VertexKind : uint8_t { kSurface, kWalkExit, kPhase };
+enum class VertexKind : uint8_t { kSurface, kWalkExit, kPhase, kFiber };
 
 /// Where light is gathered. Directions point away from the vertex.
 struct Vertex {
@@ -52,8 +55,16 @@ struct Vertex {
     SurfacePoint surface;                  // kSurface, kWalkExit
     glm::vec3 travel{0, 0, 1};             // kPhase: direction before scattering
     int medium = -1;                       // kPhase: the medium it lies in
+    HairHit hair;                          // kFiber, with its frame: t along the fibre
+    Frame fiberFrame;
+    float nearDistance = 0.0f;             // kFiber: rays from here do not see what is nearer, the fibre itself
 
+    bool onSurface() const { return kind == VertexKind::kSurface || kind == VertexKind::kWalkExit; }
+    int mediumAround() const { return kind == VertexKind::kPhase ? medium : -1; }
+    float reachFrom() const { return kind == VertexKind::kFiber ? nearDistance : 0.0f; }
+    /// f |cos| towards wi.
     glm::vec3 evaluate(const glm::vec3& wi, const PathTracer::State& state) const;
+    /// Density with which scatter() draws wi.
     float pdf(const glm::vec3& wi, const PathTracer::State& state) const;
 };
 
@@ -61,6 +72,7 @@ struct Lane {
     bool alive = false, hasVertex = false, entered = false; // entered: something was hit, so an escape is no longer background
     Vertex vertex;
     glm::vec3 origin{0.0f}, direction{0, 0, 1}, throughput{1.0f};
+    float nearDistance = 0.0f;
     float pdf = 0.0f;  // of `direction`; 0: the camera's or a straight continuation of it
     int medium = -1;   // material whose medium the ray is in
     int bounces = 0;         // on surfaces
@@ -83,6 +95,7 @@ glm::vec3 Vertex::evaluate(const glm::vec3& wi, const PathTracer::State& state) 
     if (kind == VertexKind::kPhase)
         return glm::vec3(henyeyGreenstein(glm::dot(travel, wi), state.surfaces->body(medium).medium.g));
     if (kind == VertexKind::kSurface) return surface.bsdf.evaluate(wi);
+    if (kind == VertexKind::kFiber) return hairEval(hair, fiberFrame.toLocal(wi));
     const float cosine = glm::dot(surface.bsdf.frame.n, wi);
     if (!(cosine > 0.0f) || !(glm::dot(ng, wi) > 0.0f)) return glm::vec3(0.0f);
     return glm::vec3(kInvPi * cosine * walkExitFactor(surface.bsdf, cosine));
@@ -92,10 +105,33 @@ float Vertex::pdf(const glm::vec3& wi, const PathTracer::State& state) const
 {
     if (kind == VertexKind::kPhase) return henyeyGreenstein(glm::dot(travel, wi), state.surfaces->body(medium).medium.g);
     if (kind == VertexKind::kSurface) return (1.0f - surface.chanceSubsurface) * surface.bsdf.pdf(wi);
+    if (kind == VertexKind::kFiber) return hairPdf(hair, fiberFrame.toLocal(wi));
     return std::max(0.0f, glm::dot(surface.bsdf.frame.n, wi)) * kInvPi;
 }
 
 namespace {
+
+/// A ribbon that faces the ray stands for the round fibre; the offset across it says where the fibre was met.
+void makeFiberVertex(const PathTracer::State& state, const RayHit& hit, const glm::vec3& position, const glm::vec3& wo, Vertex& v)
+{
+    const HairStrands& hair = state.scene.hair;
+    const glm::vec4* c = hair.controlPoints.data() + 4 * size_t(hit.primitive);
+    const float t = hit.u, s = 1.0f - t;
+    const glm::vec4 at = s * s * s * c[0] + 3.0f * s * s * t * c[1] + 3.0f * s * t * t * c[2] + t * t * t * c[3];
+    glm::vec3 along(s * s * (c[1] - c[0]) + 2.0f * s * t * (c[2] - c[1]) + t * t * (c[3] - c[2]));
+    if (!(glm::dot(along, along) > 0.0f)) along = glm::vec3(c[3] - c[0]);
+    along = glm::normalize(along);
+    const glm::vec3 across = glm::cross(along, wo);
+    const float length = glm::length(across), radius = std::max(at.w, 1e-12f);
+    const float h = length > 1e-6f ? -glm::dot(position - glm::vec3(at), across) / (length * radius) : 0.0f;
+    v.kind = VertexKind::kFiber;
+    v.position = position;
+    v.ng = wo;
+    v.fiberFrame = length > 1e-6f ? Frame{along, glm::cross(across / length, along), across / length} : Frame::around(along);
+    if (!(length > 1e-6f)) v.fiberFrame = {along, v.fiberFrame.t, v.fiberFrame.b};
+    v.hair = makeHairHit(state.fiber, h, hairAbsorption(hair.colors[hit.primitive], hair.azimuthalRoughness), v.fiberFrame.toLocal(wo));
+    v.nearDistance = 2.5f * radius; // from one side of the ribbon to the other, and a little for the bend
+}
 
 struct Counters {
     uint64_t pathRays = 0, shadowRays = 0, walkRays = 0, walks = 0, leaked = 0, cut = 0;
@@ -139,7 +175,7 @@ private:
     void lightMaps(float* radiance);
     void scatter(Lane& lane);
     bool leaveAsWalk(Lane& lane);
-    glm::vec3 transmittance(glm::vec3 origin, const glm::vec3& direction, float distance, int medium);
+    glm::vec3 transmittance(glm::vec3 origin, const glm::vec3& direction, float nearDistance, float distance, int medium);
 
     const PathTracer::State& state_;
     const LightSet& lights_;
@@ -170,7 +206,7 @@ float PassTracer::trace(const Camera& camera, int x, int y, uint32_t passSeed, f
         lane.origin = glm::vec3(camera.position());
         lane.direction = glm::vec3(glm::normalize(rotation * d));
         lane.throughput = glm::vec3(1.0f);
-        lane.pdf = 0.0f;
+        lane.pdf = lane.nearDistance = 0.0f;
         lane.medium = -1;
         lane.bounces = 0;
         lane.vertices = 0;
@@ -200,7 +236,8 @@ void PassTracer::advance(Lane& lane, float* radiance)
         float event = kInfinity;
         DistanceSampler distances(body ? body->medium : Medium{}, lane.throughput);
         if (scattering) event = distances.sample(body->medium, lane.rng);
-        const RayHit hit = state_.rays->intersect(lane.origin, lane.direction, 0.0f, event);
+        const RayHit hit = state_.rays->intersect(lane.origin, lane.direction, std::min(lane.nearDistance, event), event);
+        lane.nearDistance = 0.0f;
         ++counters.pathRays;
 
         if (!hit.found() && event < kInfinity) { // scattered inside the medium
@@ -246,6 +283,13 @@ void PassTracer::advance(Lane& lane, float* radiance)
         if (body) lane.throughput *= scattering ? distances.weightToSurface(body->medium, hit.distance) : glm::exp(-body->medium.sigmaT * hit.distance);
 
         Vertex& v = lane.vertex;
+        v.throughput = lane.throughput;
+        if (state_.isFiber(hit)) {
+            if (!lane.entered) coverage_ += 1.0f;
+            lane.entered = lane.hasVertex = true;
+            makeFiberVertex(state_, hit, lane.origin + lane.direction * hit.distance, -lane.direction, v);
+            return;
+        }
         v.surface = state_.surfaces->evaluate(state_.scene.mesh, hit, -lane.direction);
         const Body& here = state_.surfaces->body(v.surface.material);
         const glm::vec3 straightOn = offsetPoint(v.surface.position, -v.surface.bsdf.ng);
@@ -263,7 +307,6 @@ void PassTracer::advance(Lane& lane, float* radiance)
         v.kind = VertexKind::kSurface;
         v.position = v.surface.position;
         v.ng = v.surface.bsdf.ng;
-        v.throughput = lane.throughput;
         lane.hasVertex = true;
         return;
     }
@@ -271,14 +314,16 @@ void PassTracer::advance(Lane& lane, float* radiance)
 }
 
 /// What is left of light that runs straight for `distance` from a point in `medium`: 0 behind anything opaque.
-glm::vec3 PassTracer::transmittance(glm::vec3 origin, const glm::vec3& direction, float distance, int medium)
+glm::vec3 PassTracer::transmittance(glm::vec3 origin, const glm::vec3& direction, float nearDistance, float distance, int medium)
 {
     glm::vec3 left(1.0f);
     for (int clear = 0; clear < kMaxClearSurfaces; ++clear) {
-        const RayHit hit = state_.rays->intersect(origin, direction, 0.0f, distance);
+        const RayHit hit = state_.rays->intersect(origin, direction, nearDistance, distance);
+        nearDistance = 0.0f;
         ++counters.shadowRays;
         if (medium >= 0) left *= glm::exp(-state_.surfaces->body(medium).medium.sigmaT * std::min(hit.distance, distance));
         if (!hit.found()) return left;
+        if (state_.isFiber(hit)) return glm::vec3(0.0f);
         const SurfacePoint s = state_.surfaces->evaluate(state_.scene.mesh, hit, -direction);
         if (state_.surfaces->body(s.material).invisible) {
             medium = s.fromInside ? -1 : s.material;
@@ -303,7 +348,7 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
         rows_.ox[i] = rows_.oy[i] = rows_.oz[i] = rows_.nx[i] = rows_.ny[i] = rows_.gx[i] = rows_.gy[i] = 0.0f;
         rows_.nz[i] = rows_.gz[i] = 1.0f;
         if (!lane.alive) continue;
-        const glm::vec3 o = v.kind == VertexKind::kPhase ? v.position : offsetPoint(v.position, v.ng);
+        const glm::vec3 o = v.onSurface() ? offsetPoint(v.position, v.ng) : v.position;
         rows_.ox[i] = o.x, rows_.oy[i] = o.y, rows_.oz[i] = o.z;
         rows_.gx[i] = v.ng.x, rows_.gy[i] = v.ng.y, rows_.gz[i] = v.ng.z;
         const glm::vec3& n = v.surface.bsdf.frame.n;
@@ -351,7 +396,7 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
             ++counters.shadowRays;
             ShadowPacket& p = packets[i / 8];
             const int k = i % 8;
-            p.originX[k] = origin.x, p.originY[k] = origin.y, p.originZ[k] = origin.z, p.nearDistance[k] = 0.0f;
+            p.originX[k] = origin.x, p.originY[k] = origin.y, p.originZ[k] = origin.z, p.nearDistance[k] = lanes_[size_t(i)].vertex.reachFrom();
             p.directionX[k] = wx[i], p.directionY[k] = wy[i], p.directionZ[k] = wz[i], p.time[k] = 0.0f;
             p.farDistance[k] = reach[i], p.mask[k] = ~0u, p.id[k] = 0, p.flags[k] = 0;
         }
@@ -367,8 +412,8 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
                 const ShadowPacket& p = packets[packet];
                 if (seeThrough) {
                     const Vertex& v = lanes_[size_t(i)].vertex;
-                    f *= transmittance({p.originX[k], p.originY[k], p.originZ[k]}, {wx[i], wy[i], wz[i]}, reach[i],
-                                       v.kind == VertexKind::kPhase ? v.medium : -1);
+                    f *= transmittance({p.originX[k], p.originY[k], p.originZ[k]}, {wx[i], wy[i], wz[i]}, v.reachFrom(), reach[i],
+                                       v.mediumAround());
                 } else if (p.farDistance[k] < 0.0f) {
                     continue;
                 }
@@ -394,13 +439,13 @@ void PassTracer::lightMaps(float* radiance)
             if (!map.light.sample(lane.sampler.get2((uint32_t(m + 1) << 24) + lane.vertices), &w, &value, &pdf)) continue;
             const glm::vec3 f = v.evaluate(w, state_);
             if (!(maxOf(f) > 0.0f)) continue;
-            const glm::vec3 origin = v.kind == VertexKind::kPhase ? v.position : offsetPoint(v.position, glm::dot(w, v.ng) < 0.0f ? -v.ng : v.ng);
+            const glm::vec3 origin = v.onSurface() ? offsetPoint(v.position, glm::dot(w, v.ng) < 0.0f ? -v.ng : v.ng) : v.position;
             glm::vec3 left(1.0f);
             if (seeThrough) {
-                left = transmittance(origin, w, kInfinity, v.kind == VertexKind::kPhase ? v.medium : -1);
+                left = transmittance(origin, w, v.reachFrom(), kInfinity, v.mediumAround());
             } else {
                 ++counters.shadowRays;
-                if (state_.rays->occluded(origin, w, 0.0f, kInfinity)) continue;
+                if (state_.rays->occluded(origin, w, v.reachFrom(), kInfinity)) continue;
             }
             const float weight = sqr(pdf) / (sqr(pdf) + sqr(v.pdf(w, state_)));
             const glm::vec3 add = v.throughput * f * value * left * (weight / pdf);
@@ -425,6 +470,16 @@ void PassTracer::scatter(Lane& lane)
         wi = sampleHenyeyGreenstein(v.travel, state_.surfaces->body(v.medium).medium.g, lane.rng.next2());
         lane.pdf = v.pdf(wi, state_);
         lane.origin = v.position;
+    } else if (v.kind == VertexKind::kFiber) {
+        glm::vec3 local, weight;
+        if (!hairSample(v.hair, lane.sampler.get2(dimension), lane.sampler.get2(dimension + 1), &local, &weight, &lane.pdf)) {
+            lane.alive = false;
+            return;
+        }
+        wi = v.fiberFrame.toWorld(local);
+        lane.throughput *= weight;
+        lane.origin = v.position;
+        lane.nearDistance = v.nearDistance;
     } else if (v.kind == VertexKind::kWalkExit) {
         const Frame& frame = v.surface.bsdf.frame;
         wi = frame.toWorld(sampleCosine(lane.sampler.get2(dimension)));
@@ -554,6 +609,8 @@ Result<PathTracer> PathTracer::create(StageScene scene)
     Result<SurfaceTable> surfaces = SurfaceTable::create(state->scene, state->warnings);
     if (!surfaces) return surfaces.error();
     state->surfaces = std::make_unique<SurfaceTable>(std::move(*surfaces));
+    const HairStrands& hair = state->scene.hair;
+    state->fiber = makeHairFiber(hair.longitudinalRoughness, hair.azimuthalRoughness, hair.cuticleTiltRadians, hair.ior);
     state->rays = std::make_unique<RayScene>(state->scene.mesh, state->scene.hair, 0);
     for (size_t i = 0; i < state->scene.mesh.materials.size(); ++i)
         if (state->surfaces->body(int(i)).scatters) state->rays->prepareBody(int(i));
