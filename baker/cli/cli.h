@@ -31,6 +31,7 @@ Action addBake(CLI::App& app);
 Action addEval(CLI::App& app);
 Action addRender(CLI::App& app);
 Action addInfo(CLI::App& app);
+Action addSynth(CLI::App& app);
 
 /// Ctrl-C and SIGTERM from now on only set the returned flag; poll it between pieces of work.
 const std::atomic<bool>& catchStopSignals();

@@ -186,6 +186,16 @@ double luminanceSum(const Image& image)
     return sum;
 }
 
+double clippedShare(const Image& image)
+{
+    size_t object = 0, clipped = 0;
+    for (size_t i = 0; i < image.rgba.size(); i += 4) {
+        object += image.rgba[i + 3] > 0;
+        clipped += std::max({image.rgba[i], image.rgba[i + 1], image.rgba[i + 2]}) > 1.0f;
+    }
+    return object > 0 ? double(clipped) / double(object) : 0.0;
+}
+
 void addRadiance(Image& to, const Image& from)
 {
     for (size_t i = 0; i < to.rgba.size(); ++i)
@@ -241,8 +251,10 @@ Status Synthesis::renderGroup(const Group& group)
             if (p.image.rgba.empty()) p.image = std::move(image);
             else addRadiance(p.image, image);
             if (--p.lightsLeft > 0) continue;
-            report.noise += p.weight > 0 ? p.noise / p.weight : 0.0; // divided by the number of images at the end
+            // sums until the end, then divided by the number of images
+            report.noise += p.weight > 0 ? p.noise / p.weight : 0.0;
             report.samplesPerPixel += stats.samplesPerPixel;
+            if (plan_.colorSpace == ColorSpace::kSrgb) report.clipped += clippedShare(p.image);
             finished.emplace_back(group.images[imageOfLight[first + l]], std::move(p.image));
         }
         if (Status s = writeImages(split, finished); !s) return s;
@@ -294,10 +306,8 @@ Result<SynthReport> Synthesis::run()
     }
     for (size_t s = 0; s < plan_.splits.size(); ++s) {
         SynthReport::Split& report = report_.splits[s];
-        if (report.written > 0) {
-            report.noise /= double(report.written);
-            report.samplesPerPixel /= double(report.written);
-        }
+        if (report.written > 0)
+            for (double* mean : {&report.noise, &report.samplesPerPixel, &report.clipped}) *mean /= double(report.written);
         if (job_.shards > 1)
             for (const OlatImage& image : plan_.splits[s].images) report.missing += !isThere(plan_.splits[s], image, false);
         if (report.missing > 0) continue;

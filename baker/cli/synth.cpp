@@ -1,0 +1,510 @@
+// nacre synth: a glTF mesh in, an OLAT dataset out, rendered by the light stage.
+#include "cli.h"
+
+#include "base/file.h"
+#include "base/hash.h"
+#include "dataset/dataset_writer.h"
+#include "interchange/exr.h"
+#include "interchange/gltf.h"
+#include "light_stage/placement.h"
+#include "light_stage/stage_plan.h"
+#include "light_stage/synth.h"
+#include "stage_spec.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <numbers>
+
+namespace nacre::cli {
+
+namespace fs = std::filesystem;
+
+static constexpr double kLeakWarning = 0.005; // of the walks; below that a picture does not show it
+
+struct SynthArguments {
+    std::string mesh, output, like, json, subsurfaceFile;
+    std::string lightsPerCamera = "4", layout = "rings", hemisphere = "upper", size, testSamples = "4x", convention = "canonical", shard = "1/1";
+    std::vector<std::string> splits, subsurface;
+    StageOptions stage;
+    int samples = 64, threads = 0;
+    double noise = 0;
+    bool keepScale = false;
+};
+
+/// A file of the dataset that is not an image: copied, or else made.
+struct EnvironmentFile {
+    std::string source, name;
+    Image (*make)() = nullptr;
+};
+
+struct StageWork {
+    OlatDataset plan; // environment paths are those of `maps`, in the output folder
+    std::vector<EnvironmentFile> maps;
+    std::string likeText; // what the plan was copied from, for the settings
+};
+
+static std::string hexText(uint64_t hash) { return format("%016llx", static_cast<unsigned long long>(hash)); }
+
+template <class T>
+static uint64_t hashOf(const std::vector<T>& values, uint64_t hash)
+{
+    const uint64_t count = values.size();
+    return fnv1a(values.data(), values.size() * sizeof(T), fnv1a(&count, sizeof count, hash));
+}
+
+/// Of the file and of what it refers to: buffers and images end up in the arrays.
+static Result<uint64_t> hashMesh(const std::string& path, const MeshScene& scene)
+{
+    const auto bytes = readFile(path);
+    if (!bytes) return bytes.error();
+    uint64_t hash = hashOf(*bytes, kFnvOffset);
+    for (const TriangleMesh& m : scene.meshes) {
+        hash = hashOf(m.triangles, hashOf(m.colors, hashOf(m.tangents, hashOf(m.normals, hashOf(m.positions, hash)))));
+        for (const auto& texcoords : m.texcoords) hash = hashOf(texcoords, hash);
+    }
+    for (const MeshTexture& t : scene.textures) hash = hashOf(t.rgba, hash);
+    return hash;
+}
+
+/// Gives each distinct map file a name of its own in the dataset.
+class MapNames {
+public:
+    MapNames(std::string folder, std::vector<EnvironmentFile>& files) : folder_(std::move(folder)), files_(files) {}
+
+    std::string add(const std::string& source, Image (*make)() = nullptr)
+    {
+        for (const EnvironmentFile& f : files_)
+            if (f.source == source) return (fs::path(folder_) / f.name).string();
+        const std::string stem = fs::path(source).stem().string();
+        std::string name = stem + ".exr";
+        const auto taken = [&] { return std::any_of(files_.begin(), files_.end(), [&](const EnvironmentFile& f) { return f.name == name; }); };
+        for (int i = 2; taken(); ++i) name = stem + format("_%d.exr", i);
+        files_.push_back({source, name, make});
+        return (fs::path(folder_) / name).string();
+    }
+
+private:
+    std::string folder_;
+    std::vector<EnvironmentFile>& files_;
+};
+
+static Result<uint64_t> hashMap(const EnvironmentFile& file)
+{
+    if (file.make) return fnv1a(file.name.data(), file.name.size());
+    const auto bytes = readFile(file.source);
+    if (!bytes) return bytes.error();
+    return hashOf(*bytes, kFnvOffset);
+}
+
+static Status checkMap(const std::string& path)
+{
+    const auto size = readExr(path);
+    if (!size) return Error{size.error().code, "--environment: " + size.error().message};
+    if (size->width != 2 * size->height)
+        warn("--environment '" + path + format("': %dx%d pixels; an equirectangular map is twice as wide as high", size->width, size->height));
+    return ok();
+}
+
+/// The camera for an image `width` pixels wide.
+static Camera scaled(Camera camera, PixelSize size)
+{
+    const double s = double(size.width) / camera.width;
+    camera.width = size.width, camera.height = size.height;
+    for (double* x : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *x *= s;
+    return camera;
+}
+
+static uint64_t hashLight(const Light& light, uint64_t hash)
+{
+    const float numbers[] = {float(light.type), light.position.x, light.position.y, light.position.z, light.directionToLight.x,
+                             light.directionToLight.y, light.directionToLight.z, light.intensity.r, light.intensity.g, light.intensity.b};
+    hash = fnv1a(numbers, sizeof numbers, hash);
+    if (light.group)
+        for (const Light& member : *light.group) hash = hashLight(member, hash);
+    return hash;
+}
+
+static uint64_t hashPlan(const OlatDataset& plan)
+{
+    uint64_t hash = kFnvOffset;
+    for (const OlatSplit& split : plan.splits) {
+        hash = fnv1a(split.name.data(), split.name.size(), hash);
+        for (const OlatImage& image : split.images) {
+            const Camera& c = split.cameras[image.camera];
+            const double numbers[] = {double(c.width), double(c.height), c.fx, c.fy, c.cx, c.cy};
+            hash = hashLight(image.light, fnv1a(&c.worldFromCamera, sizeof c.worldFromCamera, fnv1a(numbers, sizeof numbers, hash)));
+        }
+    }
+    return hash;
+}
+
+/// The plan of another dataset, whole.
+static Result<StageWork> planLike(const SynthArguments& args)
+{
+    StageWork work;
+    auto dataset = openDataset(args.like);
+    if (!dataset) return dataset.error();
+    work.plan = std::move(*dataset);
+    work.plan.warnings.clear(); // shown
+    PixelSize size;
+    if (!args.size.empty()) {
+        const auto parsed = parseStageSize(args.size);
+        if (!parsed) return parsed.error();
+        size = *parsed;
+    }
+    MapNames maps(args.output, work.maps);
+    for (OlatSplit& split : work.plan.splits) {
+        for (Camera& camera : split.cameras) {
+            if (size.width == 0) continue;
+            if (int64_t(size.width) * camera.height != int64_t(size.height) * camera.width)
+                return Error{ErrorCode::kBadInput, format("--size %dx%d: the cameras of '%s' have %dx%d pixels; keep that shape", size.width,
+                                                          size.height, args.like.c_str(), camera.width, camera.height)};
+            camera = scaled(camera, size);
+        }
+        for (OlatImage& image : split.images)
+            if (image.light.type == LightType::kEnvironment) image.light.environmentPath = maps.add(image.light.environmentPath);
+    }
+    uint64_t hash = hashPlan(work.plan);
+    for (const EnvironmentFile& map : work.maps) {
+        const auto mapHash = hashMap(map);
+        if (!mapHash) return mapHash.error();
+        hash = fnv1a(&*mapHash, sizeof *mapHash, hash);
+    }
+    work.likeText = fs::path(args.like).lexically_normal().filename().string() + " " + hexText(hash);
+    return work;
+}
+
+static Status readStageOptions(SynthArguments& args)
+{
+    StageOptions& stage = args.stage;
+    const auto lightsPerCamera = parseLightsPerCamera(args.lightsPerCamera);
+    if (!lightsPerCamera) return lightsPerCamera.error();
+    stage.lightsPerCamera = *lightsPerCamera;
+    const auto size = parseStageSize(args.size.empty() ? "256" : args.size);
+    if (!size) return size.error();
+    stage.width = size->width, stage.height = size->height;
+    stage.layout = args.layout == "rings" ? StageLayout::kRings : args.layout == "fibonacci" ? StageLayout::kFibonacci : StageLayout::kGrid;
+    stage.fullSphere = args.hemisphere == "full";
+    return checkStage(stage);
+}
+
+static void warnIfCut(const StageOptions& stage)
+{
+    if (!(stage.fovDegrees > 0)) return;
+    const double shorter = double(std::min(stage.width, stage.height)) / stage.width;
+    const double tanOfSide = shorter * std::tan(0.5 * stage.fovDegrees * std::numbers::pi / 180), d = stage.cameraDistance;
+    if (tanOfSide < 1.0 / std::sqrt(d * d - 1.0)) warn("--fov: the bounding sphere of the object does not fit into the picture; parts may be cut off");
+}
+
+/// The plan of the stage, all splits. `stage.environments` become paths in the output folder.
+static StageWork planOwn(const SynthArguments& args, const Placement& placement)
+{
+    StageWork work;
+    StageOptions stage = args.stage;
+    stage.center = placement.center;
+    stage.objectRadius = placement.radius;
+    MapNames maps(args.output, work.maps);
+    std::vector<std::string> paths;
+    for (const std::string& file : stage.environments) paths.push_back(maps.add(file));
+    if (paths.empty()) paths = {maps.add("env_sunset.exr", sunsetMap), maps.add("env_studio.exr", studioMap)};
+    stage.environments = paths;
+    work.plan = planStage(stage, stageSplits());
+    return work;
+}
+
+static Status keepSplits(OlatDataset& plan, const std::vector<std::string>& wanted)
+{
+    if (wanted.empty()) return ok();
+    std::string names;
+    for (const OlatSplit& split : plan.splits) names += (names.empty() ? "" : ", ") + split.name;
+    for (const std::string& name : wanted)
+        if (!plan.find(name)) return Error{ErrorCode::kBadInput, "--splits: no split '" + name + "'; there are: " + names};
+    std::erase_if(plan.splits, [&](const OlatSplit& s) { return std::find(wanted.begin(), wanted.end(), s.name) == wanted.end(); });
+    return ok();
+}
+
+static Result<std::vector<SubsurfaceOverride>> readSubsurface(const SynthArguments& args, const MeshScene& mesh)
+{
+    std::vector<SubsurfaceOverride> out;
+    if (!args.subsurfaceFile.empty()) {
+        auto file = readSubsurfaceFile(args.subsurfaceFile);
+        if (!file) return file.error();
+        out = std::move(*file);
+    }
+    for (const std::string& text : args.subsurface) {
+        const auto one = parseSubsurface(text);
+        if (!one) return one.error();
+        out.push_back(*one);
+    }
+    for (const SubsurfaceOverride& o : out)
+        if (Status s = checkMaterial(o, mesh); !s) return s.error();
+    return out;
+}
+
+/// Everything that pixels depend on; --splits, --shard and --threads are free to differ between runs.
+static Result<SynthSettings> settingsOf(const SynthArguments& args, const StageWork& work, uint64_t meshHash, int testSamples,
+                                        const std::vector<SubsurfaceOverride>& subsurface)
+{
+    const StageOptions& s = args.stage;
+    const bool own = args.like.empty();
+    const auto ifOwn = [&](const std::string& value) { return own ? value : std::string(); };
+    std::string scattering, maps;
+    for (const SubsurfaceOverride& o : subsurface) scattering += (scattering.empty() ? "" : "; ") + textOf(o);
+    for (const EnvironmentFile& map : work.maps) {
+        const auto hash = hashMap(map);
+        if (!hash) return hash.error();
+        maps += (maps.empty() ? "" : "; ") + map.name + " " + hexText(*hash);
+    }
+    return SynthSettings{
+        {"renderer", "nacre " NACRE_VERSION_STRING},
+        {"mesh", fs::path(args.mesh).filename().string() + " " + hexText(meshHash)},
+        {"--like", work.likeText},
+        {"--convention", args.convention},
+        {"--cameras", ifOwn(std::to_string(s.cameras))},
+        {"--lights", ifOwn(std::to_string(s.lights))},
+        {"--lights-per-camera", ifOwn(args.lightsPerCamera)},
+        {"--layout", ifOwn(args.layout)},
+        {"--hemisphere", ifOwn(args.hemisphere)},
+        {"--radius", ifOwn(format("%.17g", s.lightRadius))},
+        {"--camera-distance", ifOwn(format("%.17g", s.cameraDistance))},
+        {"--fov", ifOwn(s.fovDegrees > 0 ? format("%.17g", s.fovDegrees) : "")},
+        {"--size", own ? format("%dx%d", s.width, s.height) : args.size},
+        {"--environment", maps},
+        {"--spp", std::to_string(args.samples)},
+        {"--test-spp", std::to_string(testSamples)},
+        {"--noise", args.noise > 0 ? format("%.17g", args.noise) : ""},
+        {"--seed", std::to_string(s.seed)},
+        {"--sss", scattering},
+        {"--keep-scale", args.keepScale ? "yes" : "no"},
+    };
+}
+
+static Status writeMaps(const std::string& folder, const std::vector<EnvironmentFile>& maps)
+{
+    for (const EnvironmentFile& map : maps) {
+        const std::string path = (fs::path(folder) / map.name).string();
+        std::error_code ignored;
+        if (fs::exists(path, ignored)) continue; // from a run before; the settings say that it is the same
+        if (map.make) {
+            if (Status s = writeExr(map.make(), path); !s) return s;
+            continue;
+        }
+        const auto bytes = readFile(map.source);
+        if (!bytes) return bytes.error();
+        if (Status s = writeFileAtomically(path, *bytes); !s) return s;
+    }
+    return ok();
+}
+
+/// train and all_on get --spp, splits to measure against get --test-spp and half the noise.
+static SynthJob makeJob(const SynthArguments& args, OlatDataset plan, const Placement& placement, int testSamples, Shard shard)
+{
+    SynthJob job;
+    Json matrix = Json::array();
+    for (int r = 0; r < 4; ++r) {
+        const glm::dmat4& m = placement.worldFromMesh;
+        matrix.push_back({m[0][r], m[1][r], m[2][r], m[3][r]});
+    }
+    for (const OlatSplit& split : plan.splits) {
+        const bool measured = split.name != "train" && split.name != "all_on";
+        RenderSettings render;
+        render.samplesPerPixel = measured ? testSamples : args.samples;
+        render.noiseTarget = float(measured ? 0.5 * args.noise : args.noise);
+        render.seed = args.stage.seed;
+        render.threads = args.threads;
+        const Json top{{"object", fs::path(args.mesh).stem().string()},
+                       {"renderer", "Nacre light stage " NACRE_VERSION_STRING},
+                       {"seed", args.stage.seed},
+                       {"samples_per_pixel", render.samplesPerPixel},
+                       {"noise_target", render.noiseTarget},
+                       {"world_from_mesh", matrix}};
+        job.splits.push_back({render, top.dump(-1, ' ', false, Json::error_handler_t::replace)});
+    }
+    job.plan = std::move(plan);
+    job.plan.path = args.output;
+    job.shard = shard.index, job.shards = shard.count;
+    return job;
+}
+
+static void warnAbout(const SynthReport& report)
+{
+    for (const SynthReport::Split& s : report.splits) {
+        if (s.leakedWalks > kLeakWarning)
+            warn(format("split '%s': %.1f %% of the light paths under a scattering surface left through a hole of it; close the mesh", s.name.c_str(),
+                        100 * s.leakedWalks));
+        if (s.cutWalks > kLeakWarning)
+            warn(format("split '%s': %.1f %% of the light paths under a scattering surface were cut short; the object is many mean free paths thick",
+                        s.name.c_str(), 100 * s.cutWalks));
+        if (s.clipped > 0)
+            warn(format("split '%s': %.2f %% of the object's pixels are brighter than 1 and clipped in 8-bit files", s.name.c_str(), 100 * s.clipped));
+    }
+}
+
+struct Totals {
+    size_t images = 0, written = 0, missing = 0, cameras = 0;
+    double renderSeconds = 0;
+    uint64_t rays = 0;
+    double perCamera() const { return cameras > 0 ? renderSeconds / double(cameras) : 0.0; }
+    double raysPerSecond() const { return renderSeconds > 0 ? double(rays) / renderSeconds : 0.0; }
+};
+
+static Totals totalsOf(const SynthReport& report)
+{
+    Totals t;
+    for (const SynthReport::Split& s : report.splits) {
+        t.images += s.images, t.written += s.written, t.missing += s.missing, t.cameras += s.cameras;
+        t.renderSeconds += s.seconds, t.rays += s.rays;
+    }
+    return t;
+}
+
+static void printReport(const SynthArguments& args, const SynthReport& report, const Totals& t)
+{
+    std::printf("%-12s  %6s  %8s  %7s  %7s  %8s\n", "split", "images", "rendered", "samples", "noise", "s/camera");
+    for (const SynthReport::Split& s : report.splits) {
+        const std::string perCamera = s.cameras > 0 ? format("%.2f", s.seconds / double(s.cameras)) : "-";
+        std::printf("%-12s  %6zu  %8zu  %7s  %7s  %8s\n", oneLine(s.name).c_str(), s.images, s.written,
+                    s.written > 0 ? format("%.0f", s.samplesPerPixel).c_str() : "-",
+                    s.written > 0 && std::isfinite(s.noise) ? format("%.4f", s.noise).c_str() : "-", // one pass has no spread to tell
+                    perCamera.c_str());
+    }
+    std::printf("%s: %s convention, %zu images, %zu rendered in %.1f s: %.2f s per camera, %.2f million rays per second\n", args.output.c_str(),
+                args.convention.c_str(), t.images, t.written, report.seconds, t.perCamera(), t.raysPerSecond() * 1e-6);
+    if (t.missing > 0)
+        std::printf("%zu images are not there yet; the shard that renders the last of a split describes it (or the same command without --shard)\n",
+                    t.missing);
+}
+
+static Json reportJson(const SynthArguments& args, const SynthReport& report, const Totals& t, size_t triangles, size_t memory)
+{
+    Json splits = Json::object();
+    for (const SynthReport::Split& s : report.splits)
+        splits[s.name] = {{"images", s.images}, {"rendered", s.written}, {"missing", s.missing}, {"cameras", s.cameras}, {"seconds", s.seconds},
+                          {"samples_per_pixel", s.samplesPerPixel}, {"noise", s.noise}, {"rays", s.rays}};
+    return {{"convention", args.convention}, {"images", t.images}, {"rendered", t.written}, {"missing", t.missing},
+            {"seconds", report.seconds}, {"seconds_per_camera", t.perCamera()}, {"rays_per_second", t.raysPerSecond()},
+            {"triangles", triangles}, {"scene_bytes", memory}, {"splits", splits}};
+}
+
+static Status runSynth(SynthArguments args)
+{
+    const std::atomic<bool>& stop = catchStopSignals();
+    if (Status s = checkWritable(args.json); !s) return s;
+    const auto shard = parseShard(args.shard);
+    if (!shard) return shard.error();
+    const auto testSamples = parseTestSamples(args.testSamples, args.samples);
+    if (!testSamples) return testSamples.error();
+    const bool own = args.like.empty();
+    if (own)
+        if (Status s = readStageOptions(args); !s) return s;
+    for (const std::string& map : args.stage.environments)
+        if (Status s = checkMap(map); !s) return s;
+
+    Result<StageWork> work = own ? StageWork{} : planLike(args);
+    if (!work) return work.error();
+    auto mesh = readGltf(args.mesh);
+    if (!mesh) return mesh.error();
+    for (const std::string& line : mesh->warnings) warn(line);
+    const auto meshHash = hashMesh(args.mesh, *mesh);
+    if (!meshHash) return meshHash.error();
+    auto subsurface = readSubsurface(args, *mesh);
+    if (!subsurface) return subsurface.error();
+
+    // The plan is made in the world of its source, then turned to the convention's; the mesh is put into that one.
+    if (own) {
+        warnIfCut(args.stage);
+        work = planOwn(args, placeMesh(*mesh, {0, 0, 1}, !args.keepScale));
+    }
+    const auto settings = settingsOf(args, *work, *meshHash, *testSamples, *subsurface);
+    if (!settings) return settings.error();
+    if (Status s = keepSplits(work->plan, args.splits); !s) return s;
+    auto plan = fitToConvention(std::move(work->plan), args.convention);
+    if (!plan) return plan.error();
+    for (const std::string& line : plan->warnings) warn(line);
+    if (Status s = checkDatasetFolder(args.output, *settings); !s) return s;
+
+    const Placement placement = placeMesh(*mesh, plan->up, !args.keepScale);
+    transformMesh(*mesh, placement);
+    StageScene scene;
+    const size_t triangles = mesh->triangleCount();
+    scene.mesh = std::move(*mesh);
+    scene.subsurface = std::move(*subsurface);
+    scene.unitsPerMetre = float(placement.unitsPerMetre);
+    const auto tracer = PathTracer::create(std::move(scene));
+    if (!tracer) return tracer.error();
+    for (const std::string& line : tracer->warnings()) warn(line);
+
+    if (Status s = claimDatasetFolder(args.output, *settings); !s) return s;
+    const bool needsMaps = plan->find("environment") || !own;
+    if (needsMaps)
+        if (Status s = writeMaps(args.output, work->maps); !s) return s;
+    const SynthJob job = makeJob(args, std::move(*plan), placement, *testSamples, *shard);
+    Progress progress;
+    size_t done = 0, count = 0;
+    const auto render = [&](const Camera& camera, std::span<const Light> lights, const RenderSettings& s, RenderStats* stats) {
+        return tracer->render(camera, lights, s, stats);
+    };
+    const auto report = synthesise(job, render, [&](const SynthProgress& p) {
+        done = p.imagesDone, count = p.imageCount;
+        progress.show(format("synth %zu/%zu images, split %s, %s left", p.imagesDone, p.imageCount, p.split.c_str(), clockText(p.secondsLeft).c_str()));
+    }, &stop);
+    progress.clear();
+    if (!report) {
+        if (report.error().code != ErrorCode::kCancelled) return report.error();
+        return stoppedBySignal(format("%zu of %zu images are in '%s'; give the same command again to go on", done, count, args.output.c_str()));
+    }
+    warnAbout(*report);
+    const Totals totals = totalsOf(*report);
+    printReport(args, *report, totals);
+    return args.json.empty() ? ok() : writeJson(reportJson(args, *report, totals, triangles, tracer->memoryBytes()), args.json);
+}
+
+Action addSynth(CLI::App& app)
+{
+    auto args = std::make_shared<SynthArguments>();
+    StageOptions& s = args->stage;
+    std::vector<std::string> conventions(writableConventions().begin(), writableConventions().end());
+
+    CLI::App* sub = app.add_subcommand("synth", "Render an OLAT dataset of a glTF mesh (light stage)");
+    sub->add_option("MESH", args->mesh, "glTF 2.0 mesh (.glb or .gltf)")->required();
+    sub->add_option("-o,--output", args->output, "Folder of the dataset; one that was begun before is completed")->required();
+    auto* like = sub->add_option("--like", args->like, "Take cameras, lights and splits from this dataset instead");
+    const auto ofStage = [&](CLI::Option* option) { return option->excludes(like); };
+    ofStage(sub->add_option("--cameras", s.cameras, "Cameras of train")->check(wholeNumber(1, 1000000))->capture_default_str());
+    ofStage(sub->add_option("--lights", s.lights, "Lights of the stage")->check(wholeNumber(1, 1000000))->capture_default_str());
+    ofStage(sub->add_option("--lights-per-camera", args->lightsPerCamera, "Images of each train camera, or 'all'")->capture_default_str());
+    ofStage(sub->add_option("--layout", args->layout, "Where the lights are: rings of equal size, equal areas, or a grid of equal areas")
+                ->check(CLI::IsMember({"rings", "fibonacci", "grid"}))->capture_default_str());
+    ofStage(sub->add_option("--hemisphere", args->hemisphere, "Lights above the horizon and cameras down to just below it, or all around")
+                ->check(CLI::IsMember({"upper", "full"}))->capture_default_str());
+    ofStage(sub->add_option("--radius", s.lightRadius, "Distance of the lights, in radii of the object")->check(numberBetween(2, 1e6))->capture_default_str());
+    ofStage(sub->add_option("--camera-distance", s.cameraDistance, "Distance of the cameras, in radii of the object")
+                ->check(numberBetween(1.05, 1e6))->capture_default_str());
+    ofStage(sub->add_option("--fov", s.fovDegrees, "Horizontal field of view, degrees (default: the object fills the picture)")
+                ->check(numberBetween(0.1, 170)));
+    ofStage(sub->add_option("--environment", s.environments, "Equirectangular EXR for the split environment; repeat for more\n"
+                                                             "(default: two built-in maps, a sunset and a studio)"));
+    sub->add_option("--size", args->size, "Pixels of a square or WxH (default: 256, with --like as there)");
+    sub->add_option("--splits", args->splits, "Only these of train,test,near,directional,environment,all_on (with --like: of its own);\n"
+                                              "others can be added to the folder by a later run")->delimiter(',');
+    sub->add_option("--spp", args->samples, "Samples per pixel of train and all_on, rounded up to a multiple of 16")
+        ->check(wholeNumber(1, 1 << 20))->capture_default_str();
+    sub->add_option("--test-spp", args->testSamples, "Samples of the other splits: a number or a multiple of --spp")->capture_default_str();
+    sub->add_option("--noise", args->noise, "Stop sampling a camera when the relative noise of its images is below this (test splits: half of it);\n"
+                                            "--spp is then the most it may take")->check(positiveNumber());
+    sub->add_option("--seed", s.seed, "Same options and seed: same files")->check(wholeNumber(0, 1ll << 53))->capture_default_str();
+    sub->add_option("--threads", args->threads, "0: all cores; the result does not depend on it")->check(wholeNumber(0, 4096))->capture_default_str();
+    sub->add_option("--convention", args->convention, "How the dataset is written")->check(CLI::IsMember(conventions))->capture_default_str();
+    sub->add_option("--shard", args->shard, "I/N: render every N-th camera only, e.g. on N machines that share the folder");
+    sub->add_option("--sss", args->subsurface, "MATERIAL:albedo=r,g,b:mfp=r,g,b:g=0:boundary=diffuse|none|dielectric makes a material scatter light\n"
+                                               "inside: diffuse albedo (or alpha=, single scattering), mean free path in metres;\n"
+                                               "one number stands for three, repeat for more materials, * is all");
+    sub->add_option("--sss-file", args->subsurfaceFile, "The same as JSON: [{\"material\": ..., \"albedo\": ..., \"mfp\": ...}]");
+    sub->add_flag("--keep-scale", args->keepScale, "Leave the mesh in its own units and place; else its bounding sphere becomes the unit sphere");
+    sub->add_option("--json", args->json, "Write the figures of the report to this file");
+    return [args] { return runSynth(*args); };
+}
+
+} // namespace nacre::cli
