@@ -212,7 +212,8 @@ TEST_CASE("a mirrored hair scatters into the mirrored direction")
 TEST_CASE("hair stays finite at the edge of the fibre, along it and at extreme roughness")
 {
     Random random(11);
-    std::vector<glm::vec3> directions = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, 0, -1}, {1.0000001f, 0, 0}, direction(1.57f, 0.1f), direction(-1.5707f, 2)};
+    std::vector<glm::vec3> directions = {{1, 0, 0},          {-1, 0, 0},           {0, 1, 0}, {0, 0, -1},
+                                         {1.0000001f, 0, 0}, direction(1.57f, 0.1f), direction(-1.5707f, 2)};
     for (int i = 0; i < 12; ++i) directions.push_back(direction((random.uniform() - 0.5f) * kPi, 2 * kPi * random.uniform()));
     for (const float betaM : {0.0f, 0.05f, 0.5f, 1.0f, 2.0f})
         for (const float betaN : {0.0f, 0.05f, 1.0f})
@@ -226,13 +227,15 @@ TEST_CASE("hair stays finite at the edge of the fibre, along it and at extreme r
                             for (const glm::vec3& wi : directions) {
                                 float pdf;
                                 const glm::vec3 f = hairEval(hit, wi, &pdf);
-                                good = good && std::isfinite(pdf) && pdf >= 0 && std::isfinite(f.x + f.y + f.z) && glm::all(glm::greaterThanEqual(f, glm::vec3(0)));
+                                good = good && std::isfinite(pdf) && pdf >= 0 && std::isfinite(f.x + f.y + f.z) &&
+                                       glm::all(glm::greaterThanEqual(f, glm::vec3(0)));
                             }
                             for (const float u : {0.0f, 0.5f, 0x1.fffffep-1f}) {
                                 glm::vec3 wi, weight;
                                 float pdf;
                                 if (!hairSample(hit, {u, 1 - u * 0.9999f}, {u, u}, &wi, &weight, &pdf)) continue;
-                                good = good && std::abs(glm::length(wi) - 1) < 1e-4f && std::isfinite(pdf) && weight.x >= 0 && weight.x < 4 && weight.z < 4;
+                                good = good && std::abs(glm::length(wi) - 1) < 1e-4f && std::isfinite(pdf) && weight.x >= 0 &&
+                                       weight.x < 4 && weight.z < 4;
                             }
                             CHECK(good);
                         }
@@ -255,7 +258,8 @@ TEST_CASE("darker hair absorbs more, white hair nothing")
 
 TEST_CASE("the fast exponential and Bessel function keep their stated errors")
 {
-    for (double x = 0; x > -87; x -= 0.0137) CHECK(hair_detail::expNegative(float(x)) / std::exp(double(float(x))) == doctest::Approx(1).epsilon(1.5e-7));
+    for (double x = 0; x > -87; x -= 0.0137)
+        CHECK(hair_detail::expNegative(float(x)) / std::exp(double(float(x))) == doctest::Approx(1).epsilon(1.5e-7));
     CHECK(hair_detail::expNegative(-1e30f) == 0);
     CHECK(hair_detail::expNegative(-INFINITY) == 0);
     for (double a = 0; a < 60; a += 0.37)
