@@ -156,7 +156,7 @@ TEST_CASE("fur grows on the chosen material only, and not where an alpha mask cu
         CHECK(hair->segmentCount() == 400);
         for (size_t i = 0; i < hair->segmentCount(); ++i) CHECK(hair->controlPoints[4 * i].x >= 10);
     }
-    s.material = "*";
+    s.material.assign(1, '*');
     CHECK(growFur(scene, s)->segmentCount() == 500);
     scene.materials[0].alphaMode = AlphaMode::kMask;
     scene.materials[0].baseColor.a = 0.3f;
