@@ -235,9 +235,9 @@ void warnAboutIgnoredParts(File& file)
     if (File::extension(file.root(), "KHR_lights_punctual").exists()) file.warn("ignored: lights");
 }
 
-MeshScene readOrThrow(std::span<const std::byte> bytes, const std::string& name, const UriReader& readUri)
+MeshScene readOrThrow(std::span<const std::byte> bytes, const UriReader& readUri, uint64_t maxDecodedBytes)
 {
-    File file(bytes, name, readUri);
+    File file(bytes, readUri, maxDecodedBytes);
     MeshScene scene;
     warnAboutIgnoredParts(file);
     readMaterials(file, scene);
@@ -251,19 +251,25 @@ MeshScene readOrThrow(std::span<const std::byte> bytes, const std::string& name,
 }
 
 } // namespace
-} // namespace gltf
 
-Result<MeshScene> decodeGltf(std::span<const std::byte> bytes, const std::string& name, const UriReader& readUri)
+Result<MeshScene> decodeWithin(uint64_t maxDecodedBytes, std::span<const std::byte> bytes, const std::string& name, const UriReader& readUri)
 {
     try {
-        return gltf::readOrThrow(bytes, name, readUri);
-    } catch (const gltf::Fault& fault) {
+        return readOrThrow(bytes, readUri, maxDecodedBytes);
+    } catch (const Fault& fault) {
         return Error{fault.code, name + ": " + fault.message};
     } catch (const std::bad_alloc&) {
         return Error{ErrorCode::kIo, name + ": out of memory while reading the scene"};
     } catch (const std::length_error&) {
         return Error{ErrorCode::kIo, name + ": out of memory while reading the scene"};
     }
+}
+
+} // namespace gltf
+
+Result<MeshScene> decodeGltf(std::span<const std::byte> bytes, const std::string& name, const UriReader& readUri)
+{
+    return gltf::decodeWithin(gltf::kMaxDecodedBytes, bytes, name, readUri);
 }
 
 Result<MeshScene> readGltf(const std::string& path)

@@ -151,7 +151,8 @@ void checkValueCount(std::span<const std::byte> text)
 
 // ---- File ---------------------------------------------------------------------------------------------------------------------
 
-File::File(std::span<const std::byte> bytes, const std::string& name, const UriReader& readUri) : name_(name), readUri_(readUri)
+File::File(std::span<const std::byte> bytes, const UriReader& readUri, uint64_t maxDecodedBytes)
+    : readUri_(readUri), maxDecodedBytes_(maxDecodedBytes), bytesLeft_(maxDecodedBytes)
 {
     GlbChunks chunks{bytes, {}};
     const bool isGlb = looksLikeGlb(bytes);
@@ -198,8 +199,8 @@ void File::warn(const std::string& line)
 void File::take(uint64_t count, uint64_t bytesEach, const std::string& what)
 {
     if (bytesEach != 0 && count > bytesLeft_ / bytesEach)
-        bad(what + " would make the decoded scene larger than the limit of " + std::to_string(kMaxDecodedBytes >> 30) +
-            " GiB; simplify the meshes, shrink the textures or use fewer instances");
+        bad(what + " would make the decoded scene larger than the limit of " + std::to_string(maxDecodedBytes_ >> 20) +
+            " MiB; simplify the meshes, shrink the textures or use fewer instances");
     bytesLeft_ -= count * bytesEach;
 }
 

@@ -13,7 +13,8 @@
 
 namespace nacre::gltf {
 
-/// What one file may decode to, geometry, textures and external buffers together; taken before it is allocated.
+/// What one file may decode to, geometry, textures and external buffers together; taken before it is allocated (geometry) or kept
+/// (textures and buffers, each of which has limits of its own).
 constexpr uint64_t kMaxDecodedBytes = uint64_t(8) << 30;
 /// JSON values in a file: a parsed value takes up to 100 bytes.
 constexpr size_t kMaxJsonValues = size_t(1) << 23;
@@ -29,14 +30,14 @@ struct Fault {
 class File {
 public:
     /// Reads the container and the JSON, checks version and extensions, fetches the buffers.
-    File(std::span<const std::byte> bytes, const std::string& name, const UriReader& readUri);
+    File(std::span<const std::byte> bytes, const UriReader& readUri, uint64_t maxDecodedBytes);
     File(const File&) = delete;
 
     /// Throws the first mismatch found in the JSON, if there is one. Indices read from JSON hold only after it.
     void check() const;
     /// One line for the user; the same line once, and not more than a screenful of lines.
     void warn(const std::string& line);
-    /// Takes `count` * `bytesEach` from kMaxDecodedBytes.
+    /// Takes `count` * `bytesEach` from what may still be decoded.
     void take(uint64_t count, uint64_t bytesEach, const std::string& what);
 
     /// The bytes of a bufferView and its stride (0: tightly packed).
@@ -63,12 +64,14 @@ private:
     void loadBuffers(std::span<const std::byte> bin, bool isGlb);
 
     std::optional<JsonDocument> document_;
-    std::string name_;
     const UriReader& readUri_;
     std::vector<std::span<const std::byte>> buffers_;
     std::vector<std::vector<std::byte>> fetched_; // what buffers_ points into, if not the file itself
     std::set<std::string> warned_;
-    uint64_t bytesLeft_ = kMaxDecodedBytes;
+    uint64_t maxDecodedBytes_, bytesLeft_;
 };
+
+/// decodeGltf() with a limit of the caller's choice, which the tests make small.
+Result<MeshScene> decodeWithin(uint64_t maxDecodedBytes, std::span<const std::byte> bytes, const std::string& name, const UriReader& readUri);
 
 } // namespace nacre::gltf

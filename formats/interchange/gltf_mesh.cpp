@@ -11,6 +11,8 @@
 namespace nacre::gltf {
 namespace {
 
+enum Mode : int { kTriangles = 4, kStrip = 5, kFan = 6 };
+
 template <int N>
 using Rows = std::vector<glm::vec<N, float>>;
 
@@ -98,7 +100,6 @@ private:
 template <class VertexAt>
 std::vector<glm::uvec3> assemble(int mode, size_t count, VertexAt vertexAt)
 {
-    constexpr int kTriangles = 4, kStrip = 5;
     std::vector<glm::uvec3> out;
     if (count < 3) return out;
     out.resize(mode == kTriangles ? count / 3 : count - 2);
@@ -114,7 +115,7 @@ std::vector<glm::uvec3> readTriangles(File& file, const JsonNode& primitive, int
 {
     if (attributes.draco()) return attributes.draco()->triangles; // a list in either mode, indices checked
     if (!primitive["indices"].exists()) {
-        file.take(vertexCount, sizeof(glm::uvec3), primitive.where());
+        file.take(mode == kTriangles ? vertexCount / 3 : vertexCount, sizeof(glm::uvec3), primitive.where());
         return assemble(mode, vertexCount, [](size_t i) { return uint32_t(i); });
     }
     const std::vector<uint32_t> indices = readIndices(file, primitive["indices"]);
@@ -122,7 +123,7 @@ std::vector<glm::uvec3> readTriangles(File& file, const JsonNode& primitive, int
         if (indices[i] >= vertexCount)
             bad(primitive.where() + ".indices: element " + std::to_string(i) + " is " + std::to_string(indices[i]) + ", there are " +
                 std::to_string(vertexCount) + " vertices");
-    file.take(indices.size(), sizeof(glm::uvec3), primitive.where());
+    file.take(mode == kTriangles ? indices.size() / 3 : indices.size(), sizeof(glm::uvec3), primitive.where());
     return assemble(mode, indices.size(), [&](size_t i) { return indices[i]; });
 }
 
@@ -159,7 +160,6 @@ Rows<4> readColors(File& file, Attributes& attributes, size_t vertexCount)
 
 std::optional<TriangleMesh> readPrimitive(File& file, const JsonNode& primitive, int defaultMaterial)
 {
-    constexpr int kTriangles = 4, kStrip = 5;
     const int mode = primitive["mode"].exists() ? primitive["mode"].integer(0, 6) : kTriangles;
     file.check();
     if (mode < kTriangles) {
