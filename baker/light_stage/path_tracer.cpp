@@ -2,8 +2,7 @@
 //
 // A pass follows 16 paths of one pixel side by side. At every vertex of every path, all lights are asked: a light without size (point,
 // directional) needs one shadow ray and no random number, so the image of a light is the same whichever lights share the pass.
-// The 16 shadow rays towards one light form two packets; near the camera they run almost alike, which is what packets are good
-// at. Environment maps are sampled by radiance and by the surface, combined with the power heuristic (Veach and Guibas 1995).
+// Shadow rays go through the ray library in packets of eight. Environment maps are sampled by radiance and by the surface, combined with the power heuristic (Veach and Guibas 1995).
 //
 // A path moves through states: a ray (advance() finds the next vertex, through clear surfaces and media) or a vertex (it is lit, then
 // scatter() draws the next ray, or a random walk whose exit is the next vertex). Russian roulette weighs survivors by 1/q: no bias.
@@ -77,6 +76,7 @@ struct Lane {
     int medium = -1;   // material whose medium the ray is in
     int bounces = 0;         // on surfaces
     uint32_t vertices = 0;   // all kinds: numbers the dimensions of the sampler
+    uint64_t events = 0;     // collisions in media
     PixelSampler sampler;
     Rng rng;
 };
@@ -158,6 +158,45 @@ struct LightSet {
     std::vector<Map> maps;
 };
 
+void addTo(float* pixel, const glm::vec3& color)
+{
+    for (int c = 0; c < 3; ++c) pixel[c] += color[c];
+}
+
+/// Shadow rays on their way into a packet. Half of the vertices face away from a light, and late in a pass most paths have ended:
+/// packets fill up across lights. A light's rays stay in order, so its sum does not depend on the others.
+class ShadowQueue {
+public:
+    void push(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance, const glm::vec3& color, float* pixel,
+              const RayScene& scene, bool coherent)
+    {
+        const int k = count_++;
+        packet_.originX[k] = origin.x, packet_.originY[k] = origin.y, packet_.originZ[k] = origin.z;
+        packet_.directionX[k] = direction.x, packet_.directionY[k] = direction.y, packet_.directionZ[k] = direction.z;
+        packet_.nearDistance[k] = nearDistance, packet_.farDistance[k] = farDistance;
+        packet_.time[k] = 0.0f, packet_.mask[k] = ~0u, packet_.id[k] = 0, packet_.flags[k] = 0;
+        colors_[k] = color;
+        pixels_[k] = pixel;
+        if (count_ == 8) flush(scene, coherent);
+    }
+    void flush(const RayScene& scene, bool coherent)
+    {
+        if (count_ == 0) return;
+        alignas(32) int32_t valid[8];
+        for (int k = 0; k < 8; ++k) valid[k] = k < count_ ? -1 : 0;
+        scene.occluded(valid, packet_, coherent);
+        for (int k = 0; k < count_; ++k)
+            if (!(packet_.farDistance[k] < 0.0f)) addTo(pixels_[k], colors_[k]);
+        count_ = 0;
+    }
+
+private:
+    ShadowPacket packet_;
+    glm::vec3 colors_[8];
+    float* pixels_[8];
+    int count_ = 0;
+};
+
 /// Follows the 16 paths of a pass. One per thread.
 class PassTracer {
 public:
@@ -171,6 +210,7 @@ public:
 
 private:
     void advance(Lane& lane, float* radiance);
+    void enterMedium(Lane& lane, const SurfacePoint& surface);
     void lightDeltas(bool coherent, float* radiance);
     void lightMaps(float* radiance);
     void scatter(Lane& lane);
@@ -182,6 +222,7 @@ private:
     const int maxBounces_;
     std::array<Lane, kLanes> lanes_;
     float coverage_ = 0.0f;
+    ShadowQueue queue_;
 
     // The vertices of this round, ready for the shadow loop. Lambertian ones are `plain`: f cos = weight * max(0, n.w).
     struct alignas(32) Rows {
@@ -196,20 +237,23 @@ private:
 float PassTracer::trace(const Camera& camera, int x, int y, uint32_t passSeed, float* radiance)
 {
     coverage_ = 0.0f;
-    const glm::dmat3 rotation(camera.worldFromCamera);
+    const glm::vec3 eye(camera.position());
+    const glm::mat3 rotation(camera.worldFromCamera);
+    const glm::vec3 corner(float((x - camera.cx) / camera.fx), float((camera.cy - y) / camera.fy), -1.0f);
+    const float pixelWidth = float(1.0 / camera.fx), pixelHeight = float(1.0 / camera.fy);
     for (int i = 0; i < kLanes; ++i) {
         Lane& lane = lanes_[size_t(i)];
         lane.sampler = {passSeed, uint32_t(i)};
         lane.rng = Rng((uint64_t(passSeed) << 32) | hashBits(uint32_t(i) + 0x51ed270bu));
         const glm::vec2 jitter = lane.sampler.get2(0);
-        const glm::dvec3 d((x + double(jitter.x) - camera.cx) / camera.fx, -(y + double(jitter.y) - camera.cy) / camera.fy, -1.0);
-        lane.origin = glm::vec3(camera.position());
-        lane.direction = glm::vec3(glm::normalize(rotation * d));
+        lane.origin = eye;
+        lane.direction = glm::normalize(rotation * glm::vec3(corner.x + jitter.x * pixelWidth, corner.y - jitter.y * pixelHeight, corner.z));
         lane.throughput = glm::vec3(1.0f);
         lane.pdf = lane.nearDistance = 0.0f;
         lane.medium = -1;
         lane.bounces = 0;
         lane.vertices = 0;
+        lane.events = 0;
         lane.alive = true;
         lane.hasVertex = lane.entered = false;
     }
@@ -243,7 +287,10 @@ void PassTracer::advance(Lane& lane, float* radiance)
         if (!hit.found() && event < kInfinity) { // scattered inside the medium
             lane.throughput *= distances.weightToScatter(body->medium, event);
             lane.origin += lane.direction * event;
-            if (!state_.rays->everything().encloses(lane.origin)) { // left through a hole
+            const bool leaked = !state_.rays->everything().encloses(lane.origin), cut = ++lane.events > kMaxWalkSteps;
+            if (leaked || cut) {
+                counters.leaked += leaked;
+                counters.cut += !leaked;
                 lane.alive = false;
                 return;
             }
@@ -275,7 +322,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
                     float weight = 1.0f;
                     if (lane.pdf > 0.0f) weight = sqr(lane.pdf) / (sqr(lane.pdf) + sqr(map.light.pdf(lane.direction)));
                     const glm::vec3 add = lane.throughput * map.light.radiance(lane.direction) * weight;
-                    for (int c = 0; c < 3; ++c) radiance[3 * map.image + size_t(c)] += add[c];
+                    addTo(radiance + 3 * map.image, add);
                 }
             lane.alive = false;
             return;
@@ -300,7 +347,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
         if (!lane.entered) coverage_ += 1.0f;
         lane.entered = true;
         if (here.invisible) {
-            lane.medium = v.surface.fromInside ? -1 : v.surface.material;
+            enterMedium(lane, v.surface);
             lane.origin = straightOn;
             continue;
         }
@@ -313,6 +360,13 @@ void PassTracer::advance(Lane& lane, float* radiance)
     lane.alive = false;
 }
 
+/// Or leave it, when the surface was met from inside.
+void PassTracer::enterMedium(Lane& lane, const SurfacePoint& surface)
+{
+    lane.medium = surface.fromInside ? -1 : surface.material;
+    if (lane.medium >= 0 && state_.surfaces->body(lane.medium).medium.scatters()) ++counters.walks;
+}
+
 /// What is left of light that runs straight for `distance` from a point in `medium`: 0 behind anything opaque.
 glm::vec3 PassTracer::transmittance(glm::vec3 origin, const glm::vec3& direction, float nearDistance, float distance, int medium)
 {
@@ -320,7 +374,7 @@ glm::vec3 PassTracer::transmittance(glm::vec3 origin, const glm::vec3& direction
     for (int clear = 0; clear < kMaxClearSurfaces; ++clear) {
         const RayHit hit = state_.rays->intersect(origin, direction, nearDistance, distance);
         nearDistance = 0.0f;
-        ++counters.shadowRays;
+        counters.shadowRays += clear > 0;
         if (medium >= 0) left *= glm::exp(-state_.surfaces->body(medium).medium.sigmaT * std::min(hit.distance, distance));
         if (!hit.found()) return left;
         if (state_.isFiber(hit)) return glm::vec3(0.0f);
@@ -375,54 +429,24 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
             strength[i] = (cosine > 0.0f && side > 0.0f ? cosine : 0.0f) * (light.point ? inverse * inverse : 1.0f);
         }
 
-        alignas(32) int32_t valid[kLanes];
-        alignas(32) ShadowPacket packets[kLanes / 8];
-        float fr[kLanes], fg[kLanes], fb[kLanes];
-        bool any[kLanes / 8] = {};
         for (int i = 0; i < kLanes; ++i) {
-            glm::vec3 origin(rows_.ox[i], rows_.oy[i], rows_.oz[i]);
-            fr[i] = rows_.r[i] * strength[i], fg[i] = rows_.g[i] * strength[i], fb[i] = rows_.b[i] * strength[i];
-            if (rows_.lit[i] && !rows_.plain[i]) {
-                const Vertex& v = lanes_[size_t(i)].vertex;
-                const glm::vec3 w(wx[i], wy[i], wz[i]);
+            if (!rows_.lit[i]) continue;
+            const Vertex& v = lanes_[size_t(i)].vertex;
+            glm::vec3 origin(rows_.ox[i], rows_.oy[i], rows_.oz[i]), f = glm::vec3(rows_.r[i], rows_.g[i], rows_.b[i]) * strength[i];
+            const glm::vec3 w(wx[i], wy[i], wz[i]);
+            if (!rows_.plain[i]) {
                 const float falloff = light.point ? sqr(0.9999f / reach[i]) : 1.0f;
-                const glm::vec3 f = v.throughput * v.evaluate(w, state_) * falloff;
-                fr[i] = f.x, fg[i] = f.y, fb[i] = f.z;
+                f = v.throughput * v.evaluate(w, state_) * falloff;
                 if (v.kind == VertexKind::kSurface && glm::dot(w, v.ng) < 0.0f) origin = offsetPoint(v.position, -v.ng);
             }
-            valid[i] = rows_.lit[i] && fr[i] + fg[i] + fb[i] > 0.0f ? -1 : 0;
-            if (valid[i] == 0) continue;
-            any[i / 8] = true;
+            if (!(f.x + f.y + f.z > 0.0f)) continue;
             ++counters.shadowRays;
-            ShadowPacket& p = packets[i / 8];
-            const int k = i % 8;
-            p.originX[k] = origin.x, p.originY[k] = origin.y, p.originZ[k] = origin.z, p.nearDistance[k] = lanes_[size_t(i)].vertex.reachFrom();
-            p.directionX[k] = wx[i], p.directionY[k] = wy[i], p.directionZ[k] = wz[i], p.time[k] = 0.0f;
-            p.farDistance[k] = reach[i], p.mask[k] = ~0u, p.id[k] = 0, p.flags[k] = 0;
+            float* pixel = radiance + 3 * light.image;
+            if (seeThrough) addTo(pixel, f * light.intensity * transmittance(origin, w, v.reachFrom(), reach[i], v.mediumAround()));
+            else queue_.push(origin, w, v.reachFrom(), reach[i], f * light.intensity, pixel, *state_.rays, coherent);
         }
-
-        glm::vec3 sum(0.0f);
-        for (int packet = 0; packet < kLanes / 8; ++packet) {
-            if (!any[packet]) continue;
-            if (!seeThrough) state_.rays->occluded(valid + 8 * packet, packets[packet], coherent);
-            for (int k = 0; k < 8; ++k) {
-                const int i = 8 * packet + k;
-                if (valid[i] == 0) continue;
-                glm::vec3 f(fr[i], fg[i], fb[i]);
-                const ShadowPacket& p = packets[packet];
-                if (seeThrough) {
-                    const Vertex& v = lanes_[size_t(i)].vertex;
-                    f *= transmittance({p.originX[k], p.originY[k], p.originZ[k]}, {wx[i], wy[i], wz[i]}, v.reachFrom(), reach[i],
-                                       v.mediumAround());
-                } else if (p.farDistance[k] < 0.0f) {
-                    continue;
-                }
-                sum += f;
-            }
-        }
-        sum *= light.intensity;
-        for (int c = 0; c < 3; ++c) radiance[3 * light.image + size_t(c)] += sum[c];
     }
+    queue_.flush(*state_.rays, coherent);
 }
 
 /// One direction per map and vertex, drawn from the map.
@@ -441,15 +465,15 @@ void PassTracer::lightMaps(float* radiance)
             if (!(maxOf(f) > 0.0f)) continue;
             const glm::vec3 origin = v.onSurface() ? offsetPoint(v.position, glm::dot(w, v.ng) < 0.0f ? -v.ng : v.ng) : v.position;
             glm::vec3 left(1.0f);
+            ++counters.shadowRays;
             if (seeThrough) {
                 left = transmittance(origin, w, v.reachFrom(), kInfinity, v.mediumAround());
             } else {
-                ++counters.shadowRays;
                 if (state_.rays->occluded(origin, w, v.reachFrom(), kInfinity)) continue;
             }
             const float weight = sqr(pdf) / (sqr(pdf) + sqr(v.pdf(w, state_)));
             const glm::vec3 add = v.throughput * f * value * left * (weight / pdf);
-            for (int c = 0; c < 3; ++c) radiance[3 * map.image + size_t(c)] += add[c];
+            addTo(radiance + 3 * map.image, add);
         }
     }
 }
@@ -508,7 +532,7 @@ void PassTracer::scatter(Lane& lane)
         lane.pdf = pdf * (1.0f - walk);
         const bool through = glm::dot(wi, v.ng) < 0.0f;
         lane.origin = offsetPoint(v.position, through ? -v.ng : v.ng);
-        if (through && state_.surfaces->body(v.surface.material).boundary) lane.medium = v.surface.fromInside ? -1 : v.surface.material;
+        if (through && state_.surfaces->body(v.surface.material).boundary) enterMedium(lane, v.surface);
     }
     lane.direction = wi;
     if (lane.vertices >= kRouletteStart) {

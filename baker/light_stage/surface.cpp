@@ -124,6 +124,9 @@ glm::vec3 grazingAtLeast(glm::vec3 w)
     return glm::normalize(w);
 }
 
+/// Times the object's size: steps much shorter would drown in the rounding of positions.
+constexpr float kShortestFreePath = 2e-5f;
+
 // ---- bodies: which meshes bound a medium, and whether they can ---------------------------------------------------------------
 
 struct Vec3Hash {
@@ -261,14 +264,24 @@ Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::st
                                                    "', which the mesh does not have; it has: " + materialNames(mesh)};
     }
 
+    float size = 0.0f;
+    for (const TriangleMesh& m : mesh.meshes)
+        for (const glm::vec3& p : m.positions) size = std::max({size, std::fabs(p.x), std::fabs(p.y), std::fabs(p.z)});
+    const float mostSigma = 1.0f / std::max(1e-20f, kShortestFreePath * size);
+
     for (size_t i = 0; i < mesh.materials.size(); ++i) {
         const MeshMaterial& m = mesh.materials[i];
-        const Body& body = table.bodies_[i];
+        Body& body = table.bodies_[i];
         const bool used = std::any_of(mesh.meshes.begin(), mesh.meshes.end(), [&](const TriangleMesh& t) { return t.material == int(i); });
         if (!used) continue;
         const std::string name = "material '" + m.name + "'";
         table.seeThrough_ = table.seeThrough_ || m.alphaMode != AlphaMode::kOpaque || body.invisible;
         if (!body.scatters && !body.boundary) continue;
+        if (maxOf(body.medium.sigmaT) > mostSigma) {
+            body.medium.sigmaT = glm::min(body.medium.sigmaT, mostSigma);
+            warnings.push_back(name + ": its mean free path is below 1/50000 of the object's size and was raised to that (the eye sees an "
+                                      "opaque surface either way; leave the scattering out to save time)");
+        }
         if (signedVolume(mesh, int(i)) < 0.0) {
             warnings.push_back(name + ": its surface is inside out (negative volume), which matters for a volume: turned round");
             flip(mesh, int(i));
@@ -301,7 +314,8 @@ SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, c
     s.material = mesh.material;
     s.position = corner.at(mesh.positions);
     const glm::vec3 p0 = mesh.positions[corner.index.x];
-    s.geometricNormal = glm::normalize(glm::cross(mesh.positions[corner.index.y] - p0, mesh.positions[corner.index.z] - p0));
+    const glm::dvec3 area = glm::cross(glm::dvec3(mesh.positions[corner.index.y] - p0), glm::dvec3(mesh.positions[corner.index.z] - p0));
+    s.geometricNormal = area == glm::dvec3(0.0) ? wo : glm::vec3(glm::normalize(area)); // float would underflow for tiny triangles
     s.fromInside = glm::dot(wo, s.geometricNormal) < 0.0f;
 
     glm::vec3 smooth = s.geometricNormal;

@@ -130,6 +130,42 @@ TEST_CASE("the diffuse albedo asked for is the reflectance that a half space sho
     }
 }
 
+TEST_CASE("a mean free path too short to follow is raised, and still shows the albedo asked for")
+{
+    StageScene scene = sceneOf({sphere(4)}, {lambert(glm::vec3(1.0f))});
+    SubsurfaceOverride sss;
+    sss.material = "m";
+    sss.albedo = glm::vec3(0.8f);
+    sss.meanFreePath = glm::vec3(1e-9f);
+    scene.subsurface = {sss};
+    Result<PathTracer> tracer = PathTracer::create(StageScene(scene));
+    REQUIRE(tracer);
+    CHECK(tracer->warnings().size() == 1);
+    const std::vector<Image> images = renderOrFail(scene, cameraAt({0, 0, 4}, {0, 0, 1}, 8, 0.02), {directionalLight({0, 0, 1}, 1)}, 512);
+    const Measured m = measure(images[0], 0);
+    CHECK(m.error < 0.01 * m.mean);
+    CHECK(m.mean == doctest::Approx(0.8 / M_PI).epsilon(0.03)); // noise, and 0.002 of van de Hulst's formula
+}
+
+TEST_CASE("a body too thick to walk through ends in a bounded time and says how many walks were cut")
+{
+    MeshMaterial m = lambert(glm::vec3(1.0f));
+    m.roughness = 0.3f;
+    for (const SubsurfaceBoundary boundary : {SubsurfaceBoundary::kDiffuse, SubsurfaceBoundary::kNone, SubsurfaceBoundary::kDielectric}) {
+        StageScene scene = sceneOf({sphere(3)}, {m});
+        SubsurfaceOverride sss;
+        sss.material = "m";
+        sss.singleScatterAlbedo = glm::vec3(1.0f); // nothing ends a walk but the surface
+        sss.meanFreePath = glm::vec3(0.0005f);
+        sss.boundary = boundary;
+        scene.subsurface = {sss};
+        RenderStats stats;
+        const std::vector<Image> images = renderOrFail(scene, cameraAt({0, 0, 4}, {0, 0, 0}, 4, 0.3), {pointLight({0, 0, 4}, 10)}, 16, &stats);
+        CHECK(stats.cutWalks < 0.1);
+        for (const float v : images[0].rgba) CHECK(std::isfinite(v));
+    }
+}
+
 TEST_CASE("a specular layer over a lossless walk neither adds nor loses light")
 {
     const MapFolder maps;
