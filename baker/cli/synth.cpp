@@ -16,6 +16,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <numbers>
+#include <thread>
 
 namespace nacre::cli {
 
@@ -313,7 +314,7 @@ static SynthJob makeJob(const SynthArguments& args, OlatDataset plan, const Plac
         render.samplesPerPixel = measured ? testSamples : args.samples;
         render.noiseTarget = float(measured ? 0.5 * args.noise : args.noise);
         render.seed = args.stage.seed;
-        render.threads = args.threads;
+        render.threads = std::min(args.threads, int(std::thread::hardware_concurrency()));
         const Json top{{"object", fs::path(args.mesh).stem().string()},
                        {"renderer", "Nacre light stage " NACRE_VERSION_STRING},
                        {"seed", args.stage.seed},
