@@ -25,7 +25,7 @@ struct FurSettings {
     uint64_t seed = 0;
 };
 
-/// 92 bytes each here and in the renderer, and about twice that in its ray acceleration structure.
+/// 76 bytes each here; with its ray acceleration structure the renderer holds about 185 (measured).
 constexpr size_t kMaxFurStrands = 4'000'000;
 
 /// One cubic segment per strand, tapering to the tip. Roots lie on the triangles (on their front), evenly by area: a region of area A holds
