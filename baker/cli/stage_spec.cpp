@@ -146,6 +146,51 @@ std::string textOf(const SubsurfaceOverride& o)
     return o.material + numbers + kBoundaries[size_t(o.boundary)];
 }
 
+static constexpr struct {
+    const char* key;
+    float FurSettings::*value;
+    float highest;
+} kFurShape[] = {{"variation", &FurSettings::lengthVariation, 0.999f}, {"tip", &FurSettings::tipRadius, 1}, {"lean", &FurSettings::lean, 1},
+                 {"disorder", &FurSettings::disorder, 1}, {"clump", &FurSettings::clump, 1}};
+
+Result<FurSettings> parseFur(const std::string& text)
+{
+    FurSettings out;
+    std::string rest = text;
+    for (;;) { // from the end, so that a name may contain colons
+        const size_t colon = rest.rfind(':'), equals = colon == std::string::npos ? std::string::npos : rest.find('=', colon);
+        if (equals == std::string::npos) break;
+        const std::string key = rest.substr(colon + 1, equals - colon - 1), value = rest.substr(equals + 1);
+        if (key == "material" && !value.empty()) {
+            out.material = value;
+        } else {
+            const auto shape = std::find_if(std::begin(kFurShape), std::end(kFurShape), [&](const auto& s) { return key == s.key; });
+            const auto number = numbersIn(value);
+            if (shape == std::end(kFurShape) || !number || number->size() != 1 || !((*number)[0] >= 0 && (*number)[0] <= double(shape->highest)))
+                return badSpec("--fur", text, "material=NAME or variation, tip, lean, disorder, clump from 0 to 1, found " + inQuotes(key + "=" + value));
+            out.*shape->value = float((*number)[0]);
+        }
+        rest.resize(colon);
+    }
+    const auto v = numbersIn(rest);
+    if (!v || v->size() != 3 || !(*std::min_element(v->begin(), v->end()) > 0))
+        return badSpec("--fur", text, "DENSITY,LENGTH,RADIUS above 0: fibres per square metre, metres, metres; e.g. 200000,0.02,0.0001");
+    out.density = float((*v)[0]), out.length = float((*v)[1]), out.radius = float((*v)[2]);
+    return out;
+}
+
+std::string textOf(const FurSettings& fur)
+{
+    char numbers[128];
+    std::snprintf(numbers, sizeof numbers, "%.9g,%.9g,%.9g:material=", double(fur.density), double(fur.length), double(fur.radius));
+    std::string text = numbers + (fur.material.empty() ? "*" : fur.material);
+    for (const auto& shape : kFurShape) {
+        std::snprintf(numbers, sizeof numbers, ":%s=%.9g", shape.key, double(fur.*shape.value));
+        text += numbers;
+    }
+    return text;
+}
+
 Result<int> parseTestSamples(const std::string& text, int trainSamples)
 {
     constexpr double kMaxSamples = 1 << 20;

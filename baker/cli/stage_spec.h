@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/result.h"
+#include "light_stage/fur.h"
 #include "light_stage/path_tracer.h"
 #include "scene_spec.h"
 
@@ -22,6 +23,10 @@ Status checkMaterial(const SubsurfaceOverride& override, const MeshScene& mesh);
 
 /// One line that says everything, in the form of --sss: for comparing settings.
 std::string textOf(const SubsurfaceOverride& override);
+
+/// DENSITY,LENGTH,RADIUS[:material=NAME][:variation=V][:tip=T][:lean=L][:disorder=D][:clump=C], see FurSettings; metres.
+Result<FurSettings> parseFur(const std::string& text);
+std::string textOf(const FurSettings& fur);
 
 /// "256": that many samples; "4x": so many times `trainSamples`.
 Result<int> parseTestSamples(const std::string& text, int trainSamples);

@@ -16,6 +16,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <numbers>
+#include <optional>
 #include <thread>
 
 namespace nacre::cli {
@@ -25,7 +26,7 @@ namespace fs = std::filesystem;
 static constexpr double kLeakWarning = 0.005; // of the walks; below that a picture does not show it
 
 struct SynthArguments {
-    std::string mesh, output, like, json, subsurfaceFile;
+    std::string mesh, output, like, json, subsurfaceFile, fur;
     std::string lightsPerCamera = "4", layout = "rings", hemisphere = "upper", size, testSamples = "4x", convention = "canonical", shard = "1/1";
     std::vector<std::string> splits, subsurface;
     StageOptions stage;
@@ -244,48 +245,19 @@ static Result<std::vector<SubsurfaceOverride>> readSubsurface(const SynthArgumen
     return out;
 }
 
-/// Everything that pixels depend on; --splits, --shard and --threads are free to differ between runs.
-static Result<SynthSettings> settingsOf(const SynthArguments& args, const StageWork& work, uint64_t meshHash, int testSamples,
-                                        const std::vector<SubsurfaceOverride>& subsurface)
+static bool isUsed(const OlatDataset& plan, const std::string& path)
 {
-    const StageOptions& s = args.stage;
-    const bool own = args.like.empty();
-    const auto ifOwn = [&](const std::string& value) { return own ? value : std::string(); };
-    std::string scattering, maps;
-    for (const SubsurfaceOverride& o : subsurface) scattering += (scattering.empty() ? "" : "; ") + textOf(o);
-    for (const EnvironmentFile& map : work.maps) {
-        const auto hash = hashMap(map);
-        if (!hash) return hash.error();
-        maps += (maps.empty() ? "" : "; ") + map.name + " " + hexText(*hash);
-    }
-    return SynthSettings{
-        {"renderer", "nacre " NACRE_VERSION_STRING},
-        {"mesh", fs::path(args.mesh).filename().string() + " " + hexText(meshHash)},
-        {"--like", work.likeText},
-        {"--convention", args.convention},
-        {"--cameras", ifOwn(std::to_string(s.cameras))},
-        {"--lights", ifOwn(std::to_string(s.lights))},
-        {"--lights-per-camera", ifOwn(args.lightsPerCamera)},
-        {"--layout", ifOwn(args.layout)},
-        {"--hemisphere", ifOwn(args.hemisphere)},
-        {"--radius", ifOwn(format("%.17g", s.lightRadius))},
-        {"--camera-distance", ifOwn(format("%.17g", s.cameraDistance))},
-        {"--fov", ifOwn(s.fovDegrees > 0 ? format("%.17g", s.fovDegrees) : "")},
-        {"--size", own ? format("%dx%d", s.width, s.height) : args.size},
-        {"--environment", maps},
-        {"--spp", std::to_string(args.samples)},
-        {"--test-spp", std::to_string(testSamples)},
-        {"--noise", args.noise > 0 ? format("%.17g", args.noise) : ""},
-        {"--seed", std::to_string(s.seed)},
-        {"--sss", scattering},
-        {"--keep-scale", args.keepScale ? "yes" : "no"},
-    };
+    for (const OlatSplit& split : plan.splits)
+        for (const OlatImage& image : split.images)
+            if (image.light.type == LightType::kEnvironment && image.light.environmentPath == path) return true;
+    return false;
 }
 
-static Status writeMaps(const std::string& folder, const std::vector<EnvironmentFile>& maps)
+static Status writeMaps(const std::string& folder, const OlatDataset& plan, const std::vector<EnvironmentFile>& maps)
 {
     for (const EnvironmentFile& map : maps) {
         const std::string path = (fs::path(folder) / map.name).string();
+        if (!isUsed(plan, path)) continue;
         std::error_code ignored;
         if (fs::exists(path, ignored)) continue; // from a run before; the settings say that it is the same
         if (map.make) {
@@ -378,7 +350,7 @@ static void printReport(const SynthArguments& args, const SynthReport& report, c
                     t.missing);
 }
 
-static Json reportJson(const SynthArguments& args, const SynthReport& report, const Totals& t, size_t triangles, size_t memory)
+static Json reportJson(const SynthArguments& args, const SynthReport& report, const Totals& t)
 {
     Json splits = Json::object();
     for (const SynthReport::Split& s : report.splits)
@@ -386,7 +358,96 @@ static Json reportJson(const SynthArguments& args, const SynthReport& report, co
                           {"samples_per_pixel", s.samplesPerPixel}, {"noise", s.noise}, {"rays", s.rays}};
     return {{"convention", args.convention}, {"images", t.images}, {"rendered", t.written}, {"missing", t.missing},
             {"seconds", report.seconds}, {"seconds_per_camera", t.perCamera()}, {"rays_per_second", t.raysPerSecond()},
-            {"triangles", triangles}, {"scene_bytes", memory}, {"splits", splits}};
+            {"splits", splits}};
+}
+
+/// The object in its own frame, and what it is made of.
+struct StageObject {
+    MeshScene mesh;
+    uint64_t hash = 0;
+    std::vector<SubsurfaceOverride> subsurface;
+    std::optional<FurSettings> fur;
+    HairStrands hair;
+};
+
+static Result<StageObject> loadObject(const SynthArguments& args)
+{
+    StageObject object;
+    if (!args.fur.empty()) {
+        const auto fur = parseFur(args.fur);
+        if (!fur) return fur.error();
+        object.fur = *fur;
+        object.fur->seed = args.stage.seed;
+    }
+    auto mesh = readGltf(args.mesh);
+    if (!mesh) return mesh.error();
+    object.mesh = std::move(*mesh);
+    for (const std::string& line : object.mesh.warnings) warn(line);
+    const auto hash = hashMesh(args.mesh, object.mesh);
+    if (!hash) return hash.error();
+    object.hash = *hash;
+    auto subsurface = readSubsurface(args, object.mesh);
+    if (!subsurface) return subsurface.error();
+    object.subsurface = std::move(*subsurface);
+    if (object.fur) {
+        auto hair = growFur(object.mesh, *object.fur); // in the mesh's own frame, where -Y is down
+        if (!hair) return hair.error();
+        object.hair = std::move(*hair);
+    }
+    return object;
+}
+
+/// Everything that pixels depend on; --splits, --shard and --threads are free to differ between runs.
+static Result<SynthSettings> settingsOf(const SynthArguments& args, const StageWork& work, const StageObject& object, int testSamples)
+{
+    const StageOptions& s = args.stage;
+    const bool own = args.like.empty();
+    const auto ifOwn = [&](const std::string& value) { return own ? value : std::string(); };
+    std::string scattering, maps;
+    for (const SubsurfaceOverride& o : object.subsurface) scattering += (scattering.empty() ? "" : "; ") + textOf(o);
+    for (const EnvironmentFile& map : work.maps) {
+        const auto hash = hashMap(map);
+        if (!hash) return hash.error();
+        maps += (maps.empty() ? "" : "; ") + map.name + " " + hexText(*hash);
+    }
+    return SynthSettings{
+        {"renderer", "nacre " NACRE_VERSION_STRING},
+        {"mesh", fs::path(args.mesh).filename().string() + " " + hexText(object.hash)},
+        {"--like", work.likeText},
+        {"--convention", args.convention},
+        {"--cameras", ifOwn(std::to_string(s.cameras))},
+        {"--lights", ifOwn(std::to_string(s.lights))},
+        {"--lights-per-camera", ifOwn(args.lightsPerCamera)},
+        {"--layout", ifOwn(args.layout)},
+        {"--hemisphere", ifOwn(args.hemisphere)},
+        {"--radius", ifOwn(format("%.17g", s.lightRadius))},
+        {"--camera-distance", ifOwn(format("%.17g", s.cameraDistance))},
+        {"--fov", ifOwn(s.fovDegrees > 0 ? format("%.17g", s.fovDegrees) : "")},
+        {"--size", own ? format("%dx%d", s.width, s.height) : args.size},
+        {"--environment", maps},
+        {"--spp", std::to_string(args.samples)},
+        {"--test-spp", std::to_string(testSamples)},
+        {"--noise", args.noise > 0 ? format("%.17g", args.noise) : ""},
+        {"--seed", std::to_string(s.seed)},
+        {"--sss", scattering},
+        {"--fur", object.fur ? textOf(*object.fur) : ""},
+        {"--keep-scale", args.keepScale ? "yes" : "no"},
+    };
+}
+
+static Result<PathTracer> putOnStage(StageObject object, const Placement& placement)
+{
+    StageScene scene;
+    transformMesh(object.mesh, placement);
+    transformHair(object.hair, placement);
+    scene.mesh = std::move(object.mesh);
+    scene.hair = std::move(object.hair);
+    scene.subsurface = std::move(object.subsurface);
+    scene.unitsPerMetre = float(placement.unitsPerMetre);
+    auto tracer = PathTracer::create(std::move(scene));
+    if (tracer)
+        for (const std::string& line : tracer->warnings()) warn(line);
+    return tracer;
 }
 
 static Status runSynth(SynthArguments args)
@@ -403,22 +464,16 @@ static Status runSynth(SynthArguments args)
     for (const std::string& map : args.stage.environments)
         if (Status s = checkMap(map); !s) return s;
 
+    // The plan is made in the world of its source, then turned to the convention's; the mesh is put into that one.
     Result<StageWork> work = own ? StageWork{} : planLike(args);
     if (!work) return work.error();
-    auto mesh = readGltf(args.mesh);
-    if (!mesh) return mesh.error();
-    for (const std::string& line : mesh->warnings) warn(line);
-    const auto meshHash = hashMesh(args.mesh, *mesh);
-    if (!meshHash) return meshHash.error();
-    auto subsurface = readSubsurface(args, *mesh);
-    if (!subsurface) return subsurface.error();
-
-    // The plan is made in the world of its source, then turned to the convention's; the mesh is put into that one.
+    auto object = loadObject(args);
+    if (!object) return object.error();
     if (own) {
         warnIfCut(args.stage);
-        work = planOwn(args, placeMesh(*mesh, {0, 0, 1}, !args.keepScale));
+        work = planOwn(args, placeMesh(object->mesh, object->hair, work->plan.up, !args.keepScale));
     }
-    const auto settings = settingsOf(args, *work, *meshHash, *testSamples, *subsurface);
+    const auto settings = settingsOf(args, *work, *object, *testSamples);
     if (!settings) return settings.error();
     if (Status s = keepSplits(work->plan, args.splits); !s) return s;
     auto plan = fitToConvention(std::move(work->plan), args.convention);
@@ -426,31 +481,24 @@ static Status runSynth(SynthArguments args)
     for (const std::string& line : plan->warnings) warn(line);
     if (Status s = checkDatasetFolder(args.output, *settings); !s) return s;
 
-    const Placement placement = placeMesh(*mesh, plan->up, !args.keepScale);
-    transformMesh(*mesh, placement);
-    StageScene scene;
-    const size_t triangles = mesh->triangleCount();
-    scene.mesh = std::move(*mesh);
-    scene.subsurface = std::move(*subsurface);
-    scene.unitsPerMetre = float(placement.unitsPerMetre);
-    const auto tracer = PathTracer::create(std::move(scene));
+    const Placement placement = placeMesh(object->mesh, object->hair, plan->up, !args.keepScale);
+    const size_t triangles = object->mesh.triangleCount(), fibres = object->hair.segmentCount();
+    const auto tracer = putOnStage(std::move(*object), placement);
     if (!tracer) return tracer.error();
-    for (const std::string& line : tracer->warnings()) warn(line);
 
     if (Status s = claimDatasetFolder(args.output, *settings); !s) return s;
-    const bool needsMaps = plan->find("environment") || !own;
-    if (needsMaps)
-        if (Status s = writeMaps(args.output, work->maps); !s) return s;
+    if (Status s = writeMaps(args.output, *plan, work->maps); !s) return s;
     const SynthJob job = makeJob(args, std::move(*plan), placement, *testSamples, *shard);
     Progress progress;
     size_t done = 0, count = 0;
     const auto render = [&](const Camera& camera, std::span<const Light> lights, const RenderSettings& s, RenderStats* stats) {
         return tracer->render(camera, lights, s, stats);
     };
-    const auto report = synthesise(job, render, [&](const SynthProgress& p) {
+    const auto show = [&](const SynthProgress& p) {
         done = p.imagesDone, count = p.imageCount;
-        progress.show(format("synth %zu/%zu images, split %s, %s left", p.imagesDone, p.imageCount, p.split.c_str(), clockText(p.secondsLeft).c_str()));
-    }, &stop);
+        progress.show(format("synth %zu/%zu images, split %s, %s left", done, count, p.split.c_str(), clockText(p.secondsLeft).c_str()));
+    };
+    const auto report = synthesise(job, render, show, &stop);
     progress.clear();
     if (!report) {
         if (report.error().code != ErrorCode::kCancelled) return report.error();
@@ -459,7 +507,12 @@ static Status runSynth(SynthArguments args)
     warnAbout(*report);
     const Totals totals = totalsOf(*report);
     printReport(args, *report, totals);
-    return args.json.empty() ? ok() : writeJson(reportJson(args, *report, totals, triangles, tracer->memoryBytes()), args.json);
+    if (args.json.empty()) return ok();
+    Json json = reportJson(args, *report, totals);
+    json["triangles"] = triangles;
+    json["fibres"] = fibres;
+    json["scene_bytes"] = tracer->memoryBytes();
+    return writeJson(json, args.json);
 }
 
 Action addSynth(CLI::App& app)
@@ -503,6 +556,8 @@ Action addSynth(CLI::App& app)
                                                "inside: diffuse albedo (or alpha=, single scattering), mean free path in metres;\n"
                                                "one number stands for three, repeat for more materials, * is all");
     sub->add_option("--sss-file", args->subsurfaceFile, "The same as JSON: [{\"material\": ..., \"albedo\": ..., \"mfp\": ...}]");
+    sub->add_option("--fur", args->fur, "DENSITY,LENGTH,RADIUS: grow fibres, per square metre and in metres, coloured as the surface beneath;\n"
+                                        "then :material=NAME, :variation=, :tip=, :lean=, :disorder=, :clump=, each 0 to 1");
     sub->add_flag("--keep-scale", args->keepScale, "Leave the mesh in its own units and place; else its bounding sphere becomes the unit sphere");
     sub->add_option("--json", args->json, "Write the figures of the report to this file");
     return [args] { return runSynth(*args); };

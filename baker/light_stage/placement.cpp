@@ -3,6 +3,7 @@
 // The walk starts in the middle of the bounding box; the best centre seen is kept, so that it is never worse than that one.
 #include "light_stage/placement.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -37,14 +38,15 @@ static void boundingSphere(const MeshScene& scene, glm::dvec3& center, double& r
     radius = std::sqrt(best2);
 }
 
-Placement placeMesh(const MeshScene& scene, const glm::vec3& up, bool fit, double coat)
+Placement placeMesh(const MeshScene& scene, const HairStrands& hair, const glm::vec3& up, bool fit)
 {
     assert(scene.triangleCount() > 0);
     Placement out;
     if (up.z > 0.5f) out.worldFromMesh = glm::dmat4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1);
     boundingSphere(scene, out.center, out.radius);
+    for (const glm::vec4& p : hair.controlPoints) // a Bezier curve lies within their hull
+        out.radius = std::max(out.radius, glm::length(glm::dvec3(p) - out.center) + double(p.w));
     out.center = glm::dvec3(out.worldFromMesh * glm::dvec4(out.center, 1.0));
-    out.radius += coat;
     if (!(out.radius > 0)) out.radius = 1.0;
     if (!fit) return out;
     out.unitsPerMetre = 1.0 / out.radius;
@@ -63,6 +65,12 @@ void transformMesh(MeshScene& scene, const Placement& placement)
         for (glm::vec3& n : mesh.normals) n = glm::vec3(turn * glm::dvec3(n));
         for (glm::vec4& t : mesh.tangents) t = glm::vec4(glm::vec3(turn * glm::dvec3(t)), t.w);
     }
+}
+
+void transformHair(HairStrands& hair, const Placement& placement)
+{
+    for (glm::vec4& p : hair.controlPoints)
+        p = glm::vec4(glm::vec3(placement.worldFromMesh * glm::dvec4(glm::dvec3(p), 1.0)), float(double(p.w) * placement.unitsPerMetre));
 }
 
 } // namespace nacre

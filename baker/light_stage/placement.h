@@ -1,6 +1,7 @@
 // Where a mesh stands on the stage: upright, and as large as the stage expects.
 #pragma once
 
+#include "light_stage/hair_strands.h"
 #include "mesh/mesh_scene.h"
 
 #include <glm/glm.hpp>
@@ -15,11 +16,12 @@ struct Placement {
 };
 
 /// glTF (+Y up, metres) into a world whose `up` axis is +Y or +Z: (x, y, z) -> (x, -z, y) for +Z. `fit` moves the bounding sphere to the
-/// origin and scales it to radius 1; `coat` is added to its radius first (fibres, metres). The mesh must have a vertex; a mesh without
+/// origin and scales it to radius 1. The sphere holds the fibres too, about the mesh's centre. The mesh must have a vertex; one without
 /// extent is not scaled.
-Placement placeMesh(const MeshScene& scene, const glm::vec3& up, bool fit, double coat = 0.0);
+Placement placeMesh(const MeshScene& scene, const HairStrands& hair, const glm::vec3& up, bool fit);
 
-/// Moves positions, normals and tangents.
+/// Moves positions, normals and tangents; control points and radii.
 void transformMesh(MeshScene& scene, const Placement& placement);
+void transformHair(HairStrands& hair, const Placement& placement);
 
 } // namespace nacre

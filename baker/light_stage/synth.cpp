@@ -85,7 +85,8 @@ public:
         : job_(job), plan_(job.plan), render_(render), progress_(progress), stop_(stop)
     {
         assert(job.splits.size() == plan_.splits.size());
-        if (!job.splits.empty() && job.splits[0].render.threads > 0) arena_.initialize(std::min(job.splits[0].render.threads, tbb::this_task_arena::max_concurrency())); // TBB complains about more
+        const int threads = job.splits.empty() ? 0 : job.splits[0].render.threads;
+        if (threads > 0) arena_.initialize(std::min(threads, tbb::this_task_arena::max_concurrency())); // TBB complains about more
     }
 
     Result<SynthReport> run();

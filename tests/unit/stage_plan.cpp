@@ -316,7 +316,7 @@ TEST_CASE("a mesh is put upright on the stage, its bounding sphere onto the unit
     }
     scene.meshes[0].triangles.push_back({0, 1, 2});
     for (const glm::vec3 up : {glm::vec3(0, 1, 0), glm::vec3(0, 0, 1)}) {
-        const Placement placement = placeMesh(scene, up, true);
+        const Placement placement = placeMesh(scene, {}, up, true);
         CHECK(placement.unitsPerMetre == doctest::Approx(1 / 2.5).epsilon(0.02)); // 400 points do not quite span their sphere
         CHECK(placement.radius == 1.0);
         CHECK(glm::distance(glm::vec3(glm::normalize(glm::dvec3(placement.worldFromMesh * glm::dvec4(0, 1, 0, 0)))), up) < 1e-6f);
@@ -335,12 +335,17 @@ TEST_CASE("a mesh is put upright on the stage, its bounding sphere onto the unit
             }
         CHECK(farthest == doctest::Approx(1.0f).epsilon(1e-5));
     }
-    const Placement kept = placeMesh(scene, {0, 0, 1}, false);
+    const Placement kept = placeMesh(scene, {}, {0, 0, 1}, false);
     CHECK(kept.unitsPerMetre == 1.0);
     CHECK(kept.radius == doctest::Approx(2.5).epsilon(0.02));
     CHECK(glm::distance(kept.center, glm::dvec3(10, 7, 4)) < 0.1);
-    const Placement coated = placeMesh(scene, {0, 0, 1}, true, 2.5);
-    CHECK(coated.unitsPerMetre == doctest::Approx(1 / 5.0).epsilon(0.02));
+    HairStrands hair;
+    hair.controlPoints = {{10, 6.5, -7, 0.1}, {10, 7, -7, 0.1}, {10, 8, -7, 0.1}, {10, 8.9, -7, 0.1}}; // 4.9 above the centre
+    const Placement furry = placeMesh(scene, hair, {0, 0, 1}, true);
+    CHECK(furry.unitsPerMetre == doctest::Approx(1 / 5.0).epsilon(0.02));
+    transformHair(hair, furry);
+    CHECK(hair.controlPoints[3].z + hair.controlPoints[3].w == doctest::Approx(1.0f).epsilon(1e-5));
+    CHECK(hair.controlPoints[0].w == doctest::Approx(0.1f / 5).epsilon(0.02));
 }
 
 TEST_CASE("the bounding sphere is the smallest to within a per cent: a flat disc and a stick beside the box's own sphere")
@@ -352,9 +357,9 @@ TEST_CASE("the bounding sphere is the smallest to within a per cent: a flat disc
         scene.meshes[0].positions.push_back({std::cos(a), std::sin(a) * 0.8f, 0.6f * std::sin(a)}); // unit circle, tilted
     }
     scene.meshes[0].triangles.push_back({0, 1, 2});
-    const double disc = placeMesh(scene, {0, 1, 0}, false).radius;
+    const double disc = placeMesh(scene, {}, {0, 1, 0}, false).radius;
     CHECK(disc >= 0.9999);
     CHECK(disc < 1.01);
     scene.meshes[0].positions = {{0, 0, 0}, {3, 4, 0}, {1, 1, 0}};
-    CHECK(placeMesh(scene, {0, 1, 0}, false).radius == doctest::Approx(2.5).epsilon(0.01));
+    CHECK(placeMesh(scene, {}, {0, 1, 0}, false).radius == doctest::Approx(2.5).epsilon(0.01));
 }
