@@ -42,6 +42,7 @@ namespace {
 
 constexpr int kLanes = kSamplesPerPass;
 constexpr uint32_t kRouletteStart = 3; // vertices before paths may end by chance
+constexpr float kNarrowDensity = 2.0f; // per steradian: a bounce of lower density counts as diffuse (cosine lobe: 0.32 at most)
 constexpr int kMaxClearSurfaces = 256; // straight through alpha and index-matched surfaces, per ray
 
 enum class VertexKind : uint8_t { kSurface, kWalkExit, kPhase, kFiber };
@@ -77,6 +78,7 @@ struct Lane {
     int bounces = 0;         // on surfaces
     uint32_t vertices = 0;   // all kinds: numbers the dimensions of the sampler
     uint64_t events = 0;     // collisions in media
+    float leastAlpha = kMinAlpha; // of surfaces yet to come, see RenderSettings::indirectRoughness
     PixelSampler sampler;
     Rng rng;
 };
@@ -200,8 +202,10 @@ private:
 /// Follows the 16 paths of a pass. One per thread.
 class PassTracer {
 public:
-    PassTracer(const PathTracer::State& state, const LightSet& lights, int maxBounces)
-        : state_(state), lights_(lights), maxBounces_(maxBounces) {}
+    PassTracer(const PathTracer::State& state, const LightSet& lights, const RenderSettings& settings)
+        : state_(state), lights_(lights), maxBounces_(settings.maxBounces), indirectAlpha_(std::max(kMinAlpha, sqr(settings.indirectRoughness)))
+    {
+    }
 
     /// Adds the pass's radiance, summed over its samples, to `radiance` (3 floats per image); returns how many samples hit the object.
     float trace(const Camera& camera, int x, int y, uint32_t passSeed, float* radiance);
@@ -220,6 +224,7 @@ private:
     const PathTracer::State& state_;
     const LightSet& lights_;
     const int maxBounces_;
+    const float indirectAlpha_;
     std::array<Lane, kLanes> lanes_;
     float coverage_ = 0.0f;
     ShadowQueue queue_;
@@ -254,6 +259,7 @@ float PassTracer::trace(const Camera& camera, int x, int y, uint32_t passSeed, f
         lane.bounces = 0;
         lane.vertices = 0;
         lane.events = 0;
+        lane.leastAlpha = kMinAlpha;
         lane.alive = true;
         lane.hasVertex = lane.entered = false;
     }
@@ -307,6 +313,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
             // Behind a refracting boundary no lamp can be joined by a straight line: walk on to the boundary.
             lane.direction = sampleHenyeyGreenstein(lane.direction, body->medium.g, lane.rng.next2());
             lane.pdf = 0.0f;
+            lane.leastAlpha = indirectAlpha_;
             const float q = std::min(1.0f, maxOf(lane.throughput));
             if (!(q > 0.0f) || lane.rng.next() >= q) {
                 lane.alive = false;
@@ -337,7 +344,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
             makeFiberVertex(state_, hit, lane.origin + lane.direction * hit.distance, -lane.direction, v);
             return;
         }
-        v.surface = state_.surfaces->evaluate(state_.scene.mesh, hit, -lane.direction);
+        v.surface = state_.surfaces->evaluate(state_.scene.mesh, hit, -lane.direction, lane.leastAlpha);
         const Body& here = state_.surfaces->body(v.surface.material);
         const glm::vec3 straightOn = offsetPoint(v.surface.position, -v.surface.bsdf.ng);
         if (v.surface.opacity < 1.0f && lane.rng.next() >= v.surface.opacity) {
@@ -535,6 +542,7 @@ void PassTracer::scatter(Lane& lane)
         if (through && state_.surfaces->body(v.surface.material).boundary) enterMedium(lane, v.surface);
     }
     lane.direction = wi;
+    if (lane.pdf < kNarrowDensity) lane.leastAlpha = indirectAlpha_;
     if (lane.vertices >= kRouletteStart) {
         const float q = std::min(1.0f, maxOf(lane.throughput));
         if (!(q > 0.0f) || lane.rng.next() >= q) {
@@ -557,6 +565,7 @@ bool PassTracer::leaveAsWalk(Lane& lane)
         counters.cut += walk.end == WalkEnd::kCut;
         return false;
     }
+    lane.leastAlpha = indirectAlpha_;
     v.throughput = lane.throughput * v.surface.walkWeight * walk.weight / v.surface.chanceSubsurface;
     v.kind = VertexKind::kWalkExit;
     v.surface = state_.surfaces->evaluate(state_.scene.mesh, walk.hit, walk.outward);
@@ -570,9 +579,9 @@ bool PassTracer::leaveAsWalk(Lane& lane)
 struct Accumulator {
     size_t pixels = 0, lights = 0;
     std::vector<float> sum;        // [pixel][light][rgb], over all samples
-    std::vector<float> squares;    // [pixel][light], of pass luminance means
+    std::vector<glm::vec2> shown;  // [pixel][light], over the passes: luminance as shown (1 at most) and its square
     std::vector<float> coverage;   // [pixel], samples
-    Accumulator(size_t p, size_t l) : pixels(p), lights(l), sum(p * l * 3), squares(p * l), coverage(p) {}
+    Accumulator(size_t p, size_t l) : pixels(p), lights(l), sum(p * l * 3), shown(p * l, glm::vec2(0.0f)), coverage(p) {}
 };
 
 /// RenderStats::noise of every light after `passes` passes.
@@ -580,15 +589,14 @@ std::vector<float> estimateNoise(const Accumulator& a, int passes)
 {
     std::vector<double> mean(a.lights), variance(a.lights);
     double object = 0.0;
-    const double n = passes, samples = n * kLanes;
+    const double n = passes;
     for (size_t p = 0; p < a.pixels; ++p) {
-        if (a.coverage[p] < 0.5f * float(samples)) continue;
+        if (a.coverage[p] < 0.5f * float(passes * kLanes)) continue;
         object += 1.0;
         for (size_t l = 0; l < a.lights; ++l) {
-            const float* c = &a.sum[3 * (p * a.lights + l)];
-            const double m = double(luminance({c[0], c[1], c[2]})) / samples;
-            mean[l] += m;
-            if (passes > 1) variance[l] += std::max(0.0, double(a.squares[p * a.lights + l]) / n - m * m) / (n - 1.0);
+            const glm::dvec2 moments = glm::dvec2(a.shown[p * a.lights + l]) / n;
+            mean[l] += moments.x;
+            if (passes > 1) variance[l] += std::max(0.0, moments.y - moments.x * moments.x) / (n - 1.0);
         }
     }
     std::vector<float> noise(a.lights, passes > 1 ? 0.0f : INFINITY);
@@ -675,7 +683,7 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
         pixelsDone = 0;
         tbb::parallel_for(tbb::blocked_range<size_t>(0, pixels, 64), [&](const tbb::blocked_range<size_t>& range) {
             if (stopped()) return;
-            PassTracer tracer(*state_, *set, settings.maxBounces);
+            PassTracer tracer(*state_, *set, settings);
             std::vector<float> radiance(lightCount * 3);
             for (size_t p = range.begin(); p < range.end(); ++p) {
                 const uint32_t pixelSeed = hashCombine(imageSeed, uint32_t(p));
@@ -687,7 +695,8 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
                     for (size_t l = 0; l < lightCount; ++l) {
                         const float* c = &radiance[3 * l];
                         for (size_t k = 0; k < 3; ++k) sum[3 * l + k] += c[k];
-                        sums.squares[p * lightCount + l] += sqr(luminance({c[0], c[1], c[2]}) / kLanes);
+                        const float shown = std::min(1.0f, luminance({c[0], c[1], c[2]}) / kLanes);
+                        sums.shown[p * lightCount + l] += glm::vec2(shown, shown * shown);
                     }
                 }
             }

@@ -52,6 +52,10 @@ struct RenderSettings {
     int samplesPerPixel = 64;      // rounded up to a multiple of kSamplesPerPass
     float noiseTarget = 0.0f;      // > 0: stop before samplesPerPixel when every image's estimated error is below it (RenderStats::noise)
     uint64_t seed = 0;             // same seed, camera and lights: same bytes, for any number of threads
+    /// After a diffuse bounce, surfaces count as at least this rough (path space regularisation, Kaplanyan and Dachsbacher 2013): a lamp
+    /// without size in a mirror seen by a diffuse surface is a caustic that no sample finds but by a rare, glaring accident. Keeps
+    /// the energy, blurs caustics; 0 switches it off (unbiased, noisy).
+    float indirectRoughness = 0.25f;
     int maxBounces = 64;           // path vertices on surfaces; Russian roulette ends most paths long before
     int threads = 0;               // 0: all
     const std::atomic<bool>* stop = nullptr;            // polled; a stopped render is an error kCancelled
@@ -61,7 +65,8 @@ constexpr int kSamplesPerPass = 16;
 
 struct RenderStats {
     int samplesPerPixel = 0;       // taken
-    std::vector<float> noise;      // per light: standard error of object pixels' luminance, root mean square, over their mean luminance
+    std::vector<float> noise;      // per light: standard error of the object's pixels, root mean square, over their mean; of
+                                   // luminance as shown, 1 at most: the inside of a highlight does not count
     double seconds = 0;
     uint64_t pathRays = 0, shadowRays = 0, walkRays = 0;
     double leakedWalks = 0;        // share of random walks that left through a hole of an open surface

@@ -3,60 +3,14 @@
 // reciprocal, and a walk that loses nothing makes a surface that loses nothing.
 #include "light_stage/surface.h"
 
-#include "base/color.h"
+#include "light_stage/texture_sampling.h"
 
 #include <algorithm>
-#include <array>
 #include <unordered_map>
 
 namespace nacre::stage {
 
 namespace {
-
-float srgbToLinear(uint8_t v)
-{
-    static const std::array<float, 256> kTable = [] {
-        std::array<float, 256> t;
-        for (int i = 0; i < 256; ++i) t[size_t(i)] = float(linearFromSrgb(i / 255.0));
-        return t;
-    }();
-    return kTable[v];
-}
-
-int wrapTexel(int i, int size, TextureWrap wrap)
-{
-    if (wrap == TextureWrap::kClamp) return std::clamp(i, 0, size - 1);
-    const int period = wrap == TextureWrap::kMirror ? 2 * size : size;
-    int m = i % period;
-    if (m < 0) m += period;
-    return m < size ? m : period - 1 - m;
-}
-
-glm::vec4 texel(const MeshTexture& t, int x, int y, bool srgb)
-{
-    const uint8_t* p = t.rgba.data() + 4 * (size_t(wrapTexel(y, t.height, t.wrapV)) * size_t(t.width) + size_t(wrapTexel(x, t.width, t.wrapU)));
-    if (srgb) return {srgbToLinear(p[0]), srgbToLinear(p[1]), srgbToLinear(p[2]), float(p[3]) / 255.0f};
-    return glm::vec4(p[0], p[1], p[2], p[3]) / 255.0f;
-}
-
-/// Bilinear; decoded before filtering.
-glm::vec4 sample(const MeshTexture& t, const glm::vec2& uv, bool srgb)
-{
-    // Whole turns are dropped first so that far texture coordinates keep their fraction and fit an int.
-    const glm::vec2 period(t.wrapU == TextureWrap::kMirror ? 2.0f : 1.0f, t.wrapV == TextureWrap::kMirror ? 2.0f : 1.0f);
-    glm::vec2 w = uv;
-    for (int i = 0; i < 2; ++i) {
-        const bool clamp = (i ? t.wrapV : t.wrapU) == TextureWrap::kClamp;
-        w[i] = clamp ? glm::clamp(w[i], -1.0f, 2.0f) : w[i] - period[i] * std::floor(w[i] / period[i]);
-        if (!(std::fabs(w[i]) <= 4.0f)) w[i] = 0.0f;
-    }
-    const float x = w.x * float(t.width) - 0.5f, y = w.y * float(t.height) - 0.5f;
-    if (t.nearest) return texel(t, int(std::floor(x + 0.5f)), int(std::floor(y + 0.5f)), srgb);
-    const int x0 = int(std::floor(x)), y0 = int(std::floor(y));
-    const float fx = x - float(x0), fy = y - float(y0);
-    return glm::mix(glm::mix(texel(t, x0, y0, srgb), texel(t, x0 + 1, y0, srgb), fx),
-                    glm::mix(texel(t, x0, y0 + 1, srgb), texel(t, x0 + 1, y0 + 1, srgb), fx), fy);
-}
 
 /// Interpolates the vertices of one hit triangle.
 struct Corner {
@@ -75,7 +29,7 @@ struct Corner {
         if (!slot) return glm::vec4(1.0f);
         const auto& coordinates = mesh.texcoords[slot.texcoord];
         const glm::vec2 uv = coordinates.empty() ? glm::vec2(0.0f) : at(coordinates);
-        return sample(scene.textures[size_t(slot.texture)], slot.uvScaleRotate * uv + slot.uvOffset, srgb);
+        return sampleTexture(scene.textures[size_t(slot.texture)], slot.uvScaleRotate * uv + slot.uvOffset, srgb);
     }
     glm::vec4 baseColor(const MeshScene& scene, const MeshMaterial& m) const
     {
@@ -304,7 +258,7 @@ float SurfaceTable::opacity(const MeshScene& scene, const RayHit& hit) const
     return m.alphaMode == AlphaMode::kOpaque ? 1.0f : opacityOf(m, Corner(mesh, hit).baseColor(scene, m).a);
 }
 
-SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, const glm::vec3& wo) const
+SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, const glm::vec3& wo, float leastAlpha) const
 {
     const TriangleMesh& mesh = scene.meshes[hit.mesh];
     const MeshMaterial& m = scene.materials[size_t(mesh.material)];
@@ -332,7 +286,7 @@ SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, c
     b.baseColor = glm::vec3(color);
     const glm::vec4 mr = corner.texture(scene, m.metallicRoughnessTexture);
     b.metallic = glm::clamp(m.metallic * mr.b, 0.0f, 1.0f);
-    const float alpha = std::max(kMinAlpha, sqr(glm::clamp(m.roughness * mr.g, 0.0f, 1.0f)));
+    const float alpha = std::max(leastAlpha, sqr(glm::clamp(m.roughness * mr.g, 0.0f, 1.0f)));
     b.transmission = glm::clamp(m.transmission * corner.texture(scene, m.transmissionTexture).r, 0.0f, 1.0f);
     b.specular = m.specular * corner.texture(scene, m.specularTexture).a;
     const float f0 = m.ior > 0.0f ? sqr((m.ior - 1.0f) / (m.ior + 1.0f)) : 1.0f;
@@ -358,7 +312,7 @@ SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, c
 
     b.coat = glm::clamp(m.clearcoat * corner.texture(scene, m.clearcoatTexture).r, 0.0f, 1.0f);
     if (b.coat > 0.0f) {
-        b.coatAlpha = std::max(kMinAlpha, sqr(glm::clamp(m.clearcoatRoughness * corner.texture(scene, m.clearcoatRoughnessTexture).g, 0.0f, 1.0f)));
+        b.coatAlpha = std::max(leastAlpha, sqr(glm::clamp(m.clearcoatRoughness * corner.texture(scene, m.clearcoatRoughnessTexture).g, 0.0f, 1.0f)));
         b.coatFrame = Frame::around(side * mappedNormal(scene, corner, m.clearcoatNormalTexture, m.clearcoatNormalScale, smooth));
         b.coatWo = grazingAtLeast(b.coatFrame.toLocal(wo));
     }

@@ -43,7 +43,8 @@ public:
     bool seeThrough() const { return seeThrough_; } // some surface lets straight light through: alpha, or an index-matched boundary
     /// Cheap part of evaluate(): opacity only.
     float opacity(const MeshScene& scene, const RayHit& hit) const;
-    SurfacePoint evaluate(const MeshScene& scene, const RayHit& hit, const glm::vec3& wo) const;
+    /// `leastAlpha`: microfacets are at least that rough.
+    SurfacePoint evaluate(const MeshScene& scene, const RayHit& hit, const glm::vec3& wo, float leastAlpha = kMinAlpha) const;
 
 private:
     std::vector<Body> bodies_;

@@ -177,6 +177,7 @@ inline std::vector<Image> renderOrFail(const StageScene& scene, const Camera& ca
     RenderSettings settings;
     settings.samplesPerPixel = spp;
     settings.threads = threads;
+    settings.indirectRoughness = 0.0f; // exact
     Result<std::vector<Image>> images = tracer->render(camera, lights, settings, stats);
     REQUIRE(images);
     return std::move(*images);
