@@ -244,12 +244,18 @@ TEST_CASE("bigs: cameras and lights turn together to +Y up, lights lie in Mitsub
     CHECK(std::filesystem::exists(folder.file("olat_all_on/transforms_train.json")));
 }
 
-TEST_CASE("bigs refuses lights whose number of cameras would put them into the other split")
+TEST_CASE("bigs leaves out train lights with one camera, and refuses test lights with several: they would read as the other split")
 {
     TempFolder folder;
     OlatDataset dataset = makeDataset(folder, false);
-    dataset.splits[0].images.resize(1);
-    checkError(fitToConvention(dataset, "bigs").error(), ErrorCode::kBadInput, {"train", "two cameras"});
+    dataset.splits[0].images.resize(5); // lights 0 1 2 3 0
+    dataset = writeAll(dataset, "bigs");
+    CHECK(dataset.find("train")->images.size() == 2);
+    CHECK(std::any_of(dataset.warnings.begin(), dataset.warnings.end(), [](const std::string& w) { return mentions(w, "3 train images left out"); }));
+    const auto loaded = loadDataset(folder.path.string());
+    REQUIRE(loaded);
+    CHECK(loaded->find("train")->images.size() == 2);
+    CHECK(loaded->find("test")->images.size() == 3);
     dataset = makeDataset(folder, false);
     OlatSplit* test = nullptr;
     for (OlatSplit& s : dataset.splits)

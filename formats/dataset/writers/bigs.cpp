@@ -1,6 +1,7 @@
 // The convention of the BiGS dataset (loaders/bigs.cpp has the layout): one folder per light, half-float EXR with straight alpha, world +Y
 // up, lights in Mitsuba's frame. Folders are numbered from 1: train lights first, each with several cameras, then test lights, each with
-// one; that number of cameras is what tells the splits apart. Other splits of point lights would read as test and are left out.
+// one; that number of cameras is what tells the splits apart. What would read as test is left out: other splits of point lights, and train
+// lights with one camera.
 // The split all_on becomes olat_all_on, whose frames name no light.
 #include "writer.h"
 
@@ -13,6 +14,19 @@ namespace nacre {
 
 static std::string folderOf(const OlatImage& image) { return std::filesystem::path(image.path).begin()->string(); }
 
+using LightKey = std::array<float, 6>;
+
+static LightKey keyOf(const Light& l) { return {l.position.x, l.position.y, l.position.z, l.intensity.x, l.intensity.y, l.intensity.z}; }
+
+static void leaveOutLonelyLights(OlatSplit& train, std::vector<std::string>& warnings)
+{
+    std::map<LightKey, std::set<uint32_t>> cameras;
+    for (const OlatImage& image : train.images) cameras[keyOf(image.light)].insert(image.camera);
+    const size_t lonely = std::erase_if(train.images, [&](const OlatImage& image) { return cameras[keyOf(image.light)].size() == 1; });
+    if (lonely > 0)
+        warnings.push_back(std::to_string(lonely) + " train images left out: their lights have one camera, which the bigs convention would read as test");
+}
+
 /// Names each image olat_<light>/img/r_<camera>.exr; `light` counts on.
 static Status nameByLight(OlatSplit& split, int& light)
 {
@@ -21,11 +35,10 @@ static Status nameByLight(OlatSplit& split, int& light)
         std::set<uint32_t> cameras;
         size_t images = 0;
     };
-    std::map<std::array<float, 6>, Folder> folders;
+    std::map<LightKey, Folder> folders;
     char name[64];
     for (OlatImage& image : split.images) {
-        const Light& l = image.light;
-        Folder& folder = folders[{l.position.x, l.position.y, l.position.z, l.intensity.x, l.intensity.y, l.intensity.z}];
+        Folder& folder = folders[keyOf(image.light)];
         if (folder.number == 0) folder.number = ++light;
         folder.cameras.insert(image.camera);
         folder.images++;
@@ -39,7 +52,7 @@ static Status nameByLight(OlatSplit& split, int& light)
             return Error{ErrorCode::kBadInput, "split '" + split.name + "': the bigs convention needs " +
                                                    (train ? "two cameras or more for every train light" : "one camera for every test light") +
                                                    ", once each, found a light with " + std::to_string(folder.images) + " images from " +
-                                                   std::to_string(cameras) + " cameras" + (train ? "; use more lights per camera" : "")};
+                                                   std::to_string(cameras) + " cameras"};
     }
     return ok();
 }
@@ -51,6 +64,9 @@ Status fitBigs(OlatDataset& dataset)
         if (!keep) dataset.warnings.push_back("split '" + split.name + "' left out: the bigs convention would read it as test");
         return !keep;
     });
+    for (OlatSplit& split : dataset.splits)
+        if (split.name == "train") leaveOutLonelyLights(split, dataset.warnings);
+    std::erase_if(dataset.splits, [](const OlatSplit& split) { return split.images.empty(); });
     int light = 0;
     char name[64];
     for (OlatSplit& split : dataset.splits) {
