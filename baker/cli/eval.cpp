@@ -127,7 +127,7 @@ Action addEval(CLI::App& app)
     CLI::App* sub = app.add_subcommand("eval", "Compare an asset with held-out images");
     sub->add_option("ASSET", args->asset, "Asset (.glb)")->required();
     sub->add_option("DATASET", args->dataset, "OLAT dataset: its folder or a transforms file")->required();
-    sub->add_option("--split", args->split, "Split of the dataset: test, train, near, directional, environment")->capture_default_str();
+    sub->add_option("--split", args->split, "Split of the dataset: test, train, near, directional, environment, all_on")->capture_default_str();
     args->renderer.addTo(*sub);
     sub->add_option("--frames", args->frames, "Frames to time after 10 for warming up; 0: no timing")
         ->check(wholeNumber(0, 100000))->capture_default_str();

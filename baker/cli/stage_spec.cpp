@@ -34,6 +34,27 @@ static Error badSpec(const std::string& option, const std::string& text, const s
     return {ErrorCode::kBadInput, option + " " + inQuotes(text) + ": expected " + expected};
 }
 
+struct Property {
+    std::string key, value;
+};
+
+/// Cuts the last ":KEY=VALUE" with one of these keys off the text. Names may contain colons, as long as no key follows.
+static std::optional<Property> takeLast(std::string& text, std::initializer_list<const char*> keys)
+{
+    size_t at = std::string::npos;
+    Property out;
+    for (const char* key : keys) {
+        const std::string mark = std::string(1, ':').append(key).append(1, '=');
+        const size_t found = text.rfind(mark);
+        if (found == std::string::npos || (at != std::string::npos && found < at)) continue;
+        at = found;
+        out = {key, text.substr(found + mark.size())};
+    }
+    if (at == std::string::npos) return std::nullopt;
+    text.resize(at);
+    return out;
+}
+
 /// Sets one property; what was expected, if the value is not that.
 static std::string setProperty(SubsurfaceOverride& o, const std::string& key, const std::vector<double>& values)
 {
@@ -46,11 +67,9 @@ static std::string setProperty(SubsurfaceOverride& o, const std::string& key, co
     } else if (key == "mfp") {
         if (!isColor || !inRange(1e-9, 1e9)) return "mfp above 0, in metres: one number or r,g,b";
         o.meanFreePath = color;
-    } else if (key == "albedo" || key == "alpha") {
+    } else {
         if (!isColor || !inRange(0, 1)) return key + " from 0 to 1: one number or r,g,b";
         (key == "alpha" ? o.singleScatterAlbedo : o.albedo) = color;
-    } else {
-        return "one of the properties albedo, alpha, mfp, g, boundary";
     }
     return "";
 }
@@ -74,20 +93,13 @@ Result<SubsurfaceOverride> parseSubsurface(const std::string& text)
 {
     static constexpr const char* kForm = "MATERIAL:albedo=r,g,b:mfp=r,g,b[:g=0][:boundary=diffuse|none|dielectric]";
     SubsurfaceOverride out;
-    // properties are taken from the end, so that a name may contain colons
-    std::string rest = text;
     bool hasMfp = false;
-    for (;;) {
-        const size_t colon = rest.rfind(':'), equals = colon == std::string::npos ? std::string::npos : rest.find('=', colon);
-        if (equals == std::string::npos) break;
-        const std::string key = rest.substr(colon + 1, equals - colon - 1), value = rest.substr(equals + 1);
-        const auto numbers = numbersIn(value);
-        const std::string expected = key == "boundary" ? setBoundary(out, value) : setProperty(out, key, numbers.value_or(std::vector<double>{}));
-        if (!expected.empty()) return badSpec("--sss", text, expected + ", found " + inQuotes(key + "=" + value));
-        hasMfp = hasMfp || key == "mfp";
-        rest.resize(colon);
+    out.material = text;
+    while (const auto p = takeLast(out.material, {"albedo", "alpha", "mfp", "g", "boundary"})) {
+        const std::string expected = p->key == "boundary" ? setBoundary(out, p->value) : setProperty(out, p->key, numbersIn(p->value).value_or(std::vector<double>{}));
+        if (!expected.empty()) return badSpec("--sss", text, expected + ", found " + inQuotes(p->key + "=" + p->value));
+        hasMfp = hasMfp || p->key == "mfp";
     }
-    out.material = rest;
     if (const std::string missing = whatIsMissing(out, hasMfp); !missing.empty()) return badSpec("--sss", text, missing + "; the form is " + kForm);
     return out;
 }
@@ -157,24 +169,18 @@ Result<FurSettings> parseFur(const std::string& text)
 {
     FurSettings out;
     std::string rest = text;
-    for (;;) { // from the end, so that a name may contain colons
-        const size_t colon = rest.rfind(':'), equals = colon == std::string::npos ? std::string::npos : rest.find('=', colon);
-        if (equals == std::string::npos) break;
-        const std::string key = rest.substr(colon + 1, equals - colon - 1), value = rest.substr(equals + 1);
-        if (key == "material" && !value.empty()) {
-            out.material = value;
-        } else {
-            const auto shape = std::find_if(std::begin(kFurShape), std::end(kFurShape), [&](const auto& s) { return key == s.key; });
-            const auto number = numbersIn(value);
-            if (shape == std::end(kFurShape) || !number || number->size() != 1 || !((*number)[0] >= 0 && (*number)[0] <= double(shape->highest)))
-                return badSpec("--fur", text, "material=NAME or variation, tip, lean, disorder, clump from 0 to 1, found " + inQuotes(key + "=" + value));
-            out.*shape->value = float((*number)[0]);
-        }
-        rest.resize(colon);
+    while (const auto p = takeLast(rest, {"material", "variation", "tip", "lean", "disorder", "clump"})) {
+        const auto shape = std::find_if(std::begin(kFurShape), std::end(kFurShape), [&](const auto& s) { return p->key == s.key; });
+        const auto number = numbersIn(p->value);
+        const bool isShape = shape != std::end(kFurShape);
+        if (isShape ? !number || number->size() != 1 || !((*number)[0] >= 0 && (*number)[0] <= double(shape->highest)) : p->value.empty())
+            return badSpec("--fur", text, (isShape ? p->key + " from 0 to 1" : "the name of a material") + ", found " + inQuotes(p->key + "=" + p->value));
+        if (isShape) out.*shape->value = float((*number)[0]);
+        else out.material = p->value;
     }
     const auto v = numbersIn(rest);
     if (!v || v->size() != 3 || !(*std::min_element(v->begin(), v->end()) > 0))
-        return badSpec("--fur", text, "DENSITY,LENGTH,RADIUS above 0: fibres per square metre, metres, metres; e.g. 200000,0.02,0.0001");
+        return badSpec("--fur", text, "DENSITY,LENGTH,RADIUS above 0: fibres per square metre, metres, metres; then material=, variation=, tip=, lean=, disorder=, clump=");
     out.density = float((*v)[0]), out.length = float((*v)[1]), out.radius = float((*v)[2]);
     return out;
 }

@@ -4,6 +4,7 @@
 set -uo pipefail
 nacre=$1
 sample=$2/samples/data/bunny_wax_tiny
+mesh=$2/samples/assets/pebble.glb
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work" || exit 1
@@ -70,12 +71,12 @@ bake=("$nacre" bake "$sample" --max-splats 400 --s-functions 4)
 echo "-- arguments"
 expect 0 "" "$nacre" --help
 expect 0 "" "$nacre" --version
-for command in bake eval render info; do
+for command in synth bake eval render info; do
     expect 0 "" "$nacre" $command --help
     expect 2 "--nosuch" "$nacre" $command a b -o c --nosuch
 done
 expect 2 "no command" "$nacre"
-expect 2 "unknown command 'synth'" "$nacre" synth mesh.glb -o data
+expect 2 "unknown command 'sculpt'" "$nacre" sculpt mesh.glb -o data
 expect 2 "DATASET" "$nacre" bake
 expect 2 "--output" "$nacre" bake "$sample"
 expect 2 "sss" "${bake[@]}" -o a.glb --model sss
@@ -93,6 +94,41 @@ expect 2 "nosuch" "$nacre" bake nosuch -o a.glb
 expect 2 "nosuch" "$nacre" info nosuch
 expect 2 "nosuch.glb" "$nacre" eval nosuch.glb "$sample"
 expect 2 ".exr" "$nacre" render nosuch.glb -o a.jpg
+synth=("$nacre" synth "$mesh" -o data)
+expect 2 "MESH" "$nacre" synth
+expect 2 "--output" "$nacre" synth "$mesh"
+expect 2 "nosuch.glb" "$nacre" synth nosuch.glb -o data
+expect 2 "bunny" "$nacre" synth "$sample/transforms_train.json" -o data
+expect 2 "is a file" "$nacre" synth "$mesh" -o "$mesh"
+expect 2 "holds" "$nacre" synth "$mesh" -o "$sample"
+for bad in 0 x 0x5 64x 9000 -1; do expect 2 "--size" "${synth[@]}" --size $bad; done
+for bad in 0 -1 1.5 nan; do expect 2 "--cameras" "${synth[@]}" --cameras $bad; done
+for bad in 0 -4 some; do expect 2 "--lights-per-camera" "${synth[@]}" --lights-per-camera $bad; done
+expect 2 "only 3 lights" "${synth[@]}" --lights 3 --lights-per-camera 4
+for bad in nan 1 -5 inf; do expect 2 "--radius" "${synth[@]}" --radius $bad; done
+for bad in nan 1 0; do expect 2 "--camera-distance" "${synth[@]}" --camera-distance $bad; done
+for bad in nan 0 180; do expect 2 "--fov" "${synth[@]}" --fov $bad; done
+for bad in 0 -1 x; do expect 2 "--spp" "${synth[@]}" --spp $bad; done
+for bad in 0 x 0x -4x 1.5 nan; do expect 2 "--test-spp" "${synth[@]}" --test-spp $bad; done
+for bad in 0 nan -1; do expect 2 "--noise" "${synth[@]}" --noise $bad; done
+for bad in 0/2 3/2 1 1/x 1/0; do expect 2 "--shard" "${synth[@]}" --shard $bad; done
+expect 2 "--layout" "${synth[@]}" --layout heap
+expect 2 "--hemisphere" "${synth[@]}" --hemisphere lower
+expect 2 "--convention" "${synth[@]}" --convention none
+expect 2 "no split 'nosuch'" "${synth[@]}" --splits train,nosuch
+expect 2 "plpos" "${synth[@]}" --convention plpos --splits environment
+expect 2 "nosuch.exr" "${synth[@]}" --environment nosuch.exr
+expect 2 "nosuch" "${synth[@]}" --like nosuch
+expect 2 "--like" "${synth[@]}" --like "$sample" --cameras 3
+expect 2 "shape" "${synth[@]}" --like "$sample" --size 64x32
+expect 2 "no split 'near'" "${synth[@]}" --like "$sample" --splits near
+expect 2 "'hide'" "${synth[@]}" --sss wax:albedo=0.8:mfp=0.01
+for bad in hide hide:albedo=0.8 hide:mfp=1 :albedo=1:mfp=1 hide:albedo=2:mfp=1 hide:albedo=1:mfp=0 hide:albedo=1,1:mfp=1 hide:albedo=nan:mfp=1 \
+    hide:albedo=1:alpha=1:mfp=1 hide:albedo=1:mfp=1:g=1 hide:albedo=1:mfp=1:boundary=glass hide:colour=1; do
+    expect 2 "--sss" "${synth[@]}" --sss "$bad"
+done
+expect 2 "nosuch.json" "${synth[@]}" --sss-file nosuch.json
+for bad in 1 1,2 0,1,1 1,-1,1 1,nan,1 1,1,1:lean=2 1,1,1:colour=1; do expect 2 "--fur" "${synth[@]}" --fur "$bad"; done
 [ "$(ls | grep -v '^std' | wc -l)" = 0 ] || fail "refused commands left files: $(ls)"
 
 echo "-- datasets"
@@ -121,6 +157,43 @@ cp -r "$sample" sizes && sed -i 's/"width": 128/"width": 100/' sizes/transforms_
 expect 2 "128" "$nacre" bake sizes -o a.glb --iterations 2
 rm -rf truncated missing empty broken inside sizes
 [ ! -e a.glb ] || fail "a refused dataset left a.glb"
+
+echo "-- synth"
+tiny=("$nacre" synth "$mesh" --size 24x16 --cameras 3 --lights 5 --lights-per-camera 2 --spp 16 --test-spp 1x --splits train,near,environment,all_on)
+expect 0 "" "${tiny[@]}" -o set --threads 1 --json synth.json
+keys synth.json 2 convention images rendered missing seconds seconds_per_camera rays_per_second splits triangles fibres scene_bytes
+keys synth.json 4 train all_on environment near
+only set all_on env_studio.exr env_sunset.exr environment near synth.json train transforms_all_on.json transforms_environment.json \
+    transforms_near.json transforms_train.json
+expect 0 "" "$nacre" info set --json info.json
+keys info.json 4 train all_on environment near
+grep -q '"warnings": \[\]' info.json || fail "a synthesised dataset looks suspicious: $(cat info.json)"
+for shard in 2/2 1/2; do expect 0 "" "${tiny[@]}" -o shards --shard $shard --threads 2; done
+diff -r set shards || fail "two shards on two threads differ from one run on one thread"
+expect 2 "--spp" "${tiny[@]}" -o set --spp 32
+expect 2 "--fur" "${tiny[@]}" -o set --fur 2000,0.02,0.001
+expect 2 "--sss" "${tiny[@]}" -o set --sss "*:albedo=0.8:mfp=0.01"
+rm shards/train/r_0003.exr
+expect 0 "" "${tiny[@]}" -o shards --json synth.json
+grep -q '"rendered": 2,' synth.json || fail "resuming renders more than one camera: $(cat synth.json)"
+diff -r set shards || fail "a resumed dataset differs from an uninterrupted one"
+expect 0 "" "$nacre" synth "$mesh" -o liked --like set --convention bigs --size 12x8 --spp 16 --test-spp 16 --fur 2000,0.02,0.001
+expect 0 "" "$nacre" info liked
+echo '[{"material": "hide", "albedo": [0.8, 0.6, 0.4], "mfp": 0.003, "boundary": "none"}]' >sss.json
+expect 0 "" "$nacre" synth "$mesh" -o scattering --sss-file sss.json --size 8 --cameras 1 --spp 16 --splits train
+expect 1 "" bash -c 'ulimit -f 1; exec "$@"' _ "$nacre" synth "$mesh" -o full_set --size 64 --cameras 1 --spp 16 --splits train
+[ -z "$(find full_set -name '*.tmp*')" ] || fail "a full disk left temporary files in full_set"
+expect 0 "" "$nacre" synth "$mesh" -o full_set --size 64 --cameras 1 --spp 16 --splits train
+
+"$nacre" synth "$mesh" -o stopped --size 200 --cameras 40 --spp 256 --splits train >stdout.txt 2>stderr.txt &
+job=$!
+for ((i = 0; i < 100; ++i)); do [ -e stopped/train/r_0000.exr ] && break || sleep 0.1; done
+kill -INT $job
+wait $job
+[ $? = 1 ] || fail "a stopped synth gives exit code $?"
+grep -q 'same command again' stderr.txt || fail "a stopped synth does not say how to go on: $(cat stderr.txt)"
+[ ! -e stopped/transforms_train.json ] && [ -z "$(find stopped -name '*.tmp*')" ] || fail "a stopped synth left $(find stopped)"
+rm -rf set shards liked scattering full_set stopped sss.json
 
 echo "-- bake"
 mkdir one two stop full
