@@ -539,10 +539,10 @@ Action addSynth(CLI::App& app)
     ofStage(sub->add_option("--fov", s.fovDegrees, "Horizontal field of view, degrees (default: the object fills the picture)")
                 ->check(numberBetween(0.1, 170)));
     ofStage(sub->add_option("--environment", s.environments, "Equirectangular EXR for the split environment; repeat for more\n"
-                                                             "(default: two built-in maps, a sunset and a studio)"));
+                                                             "(default: two built-in maps, a sunset and a studio)")->allow_extra_args(false));
     sub->add_option("--size", args->size, "Pixels of a square or WxH (default: 256, with --like as there)");
     sub->add_option("--splits", args->splits, "Only these of train,test,near,directional,environment,all_on (with --like: of its own);\n"
-                                              "others can be added to the folder by a later run")->delimiter(',');
+                                              "others can be added to the folder by a later run")->delimiter(',')->allow_extra_args(false);
     sub->add_option("--spp", args->samples, "Samples per pixel of train and all_on, rounded up to a multiple of 16")
         ->check(wholeNumber(1, 1 << 20))->capture_default_str();
     sub->add_option("--test-spp", args->testSamples, "Samples of the other splits: a number or a multiple of --spp")->capture_default_str();
@@ -554,7 +554,7 @@ Action addSynth(CLI::App& app)
     sub->add_option("--shard", args->shard, "I/N: render every N-th camera only, e.g. on N machines that share the folder");
     sub->add_option("--sss", args->subsurface, "MATERIAL:albedo=r,g,b:mfp=r,g,b:g=0:boundary=diffuse|none|dielectric makes a material scatter light\n"
                                                "inside: diffuse albedo (or alpha=, single scattering), mean free path in metres;\n"
-                                               "one number stands for three, repeat for more materials, * is all");
+                                               "one number stands for three, repeat for more materials, * is all")->allow_extra_args(false);
     sub->add_option("--sss-file", args->subsurfaceFile, "The same as JSON: [{\"material\": ..., \"albedo\": ..., \"mfp\": ...}]");
     sub->add_option("--fur", args->fur, "DENSITY,LENGTH,RADIUS: grow fibres, per square metre and in metres, coloured as the surface beneath;\n"
                                         "then :material=NAME, :variation=, :tip=, :lean=, :disorder=, :clump=, each 0 to 1");
