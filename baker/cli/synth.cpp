@@ -31,7 +31,7 @@ struct SynthArguments {
     std::vector<std::string> splits, subsurface;
     StageOptions stage;
     int samples = 64, threads = 0;
-    double noise = 0;
+    double noise = 0, indirectRoughness = double(RenderSettings().indirectRoughness);
     bool keepScale = false;
 };
 
@@ -286,6 +286,7 @@ static SynthJob makeJob(const SynthArguments& args, OlatDataset plan, const Plac
         render.samplesPerPixel = measured ? testSamples : args.samples;
         render.noiseTarget = float(measured ? 0.5 * args.noise : args.noise);
         render.seed = args.stage.seed;
+        render.indirectRoughness = float(args.indirectRoughness);
         render.threads = std::min(args.threads, int(std::thread::hardware_concurrency()));
         const Json top{{"object", fs::path(args.mesh).stem().string()},
                        {"renderer", "Nacre light stage " NACRE_VERSION_STRING},
@@ -429,6 +430,7 @@ static Result<SynthSettings> settingsOf(const SynthArguments& args, const StageW
         {"--test-spp", std::to_string(testSamples)},
         {"--noise", args.noise > 0 ? format("%.17g", args.noise) : ""},
         {"--seed", std::to_string(s.seed)},
+        {"--indirect-roughness", format("%.9g", args.indirectRoughness)},
         {"--sss", scattering},
         {"--fur", object.fur ? textOf(*object.fur) : ""},
         {"--keep-scale", args.keepScale ? "yes" : "no"},
@@ -548,6 +550,9 @@ Action addSynth(CLI::App& app)
     sub->add_option("--test-spp", args->testSamples, "Samples of the other splits: a number or a multiple of --spp")->capture_default_str();
     sub->add_option("--noise", args->noise, "Stop sampling a camera when the relative noise of its images is below this (test splits: half of it);\n"
                                             "--spp is then the most it may take")->check(positiveNumber());
+    sub->add_option("--indirect-roughness", args->indirectRoughness,
+                    "What a diffuse surface sees counts as at least this rough: blurs caustics, which would be noise; 0: unbiased")
+        ->check(numberBetween(0, 1))->capture_default_str();
     sub->add_option("--seed", s.seed, "Same options and seed: same files")->check(wholeNumber(0, 1ll << 53))->capture_default_str();
     sub->add_option("--threads", args->threads, "0: all cores; the result does not depend on it")->check(wholeNumber(0, 4096))->capture_default_str();
     sub->add_option("--convention", args->convention, "How the dataset is written")->check(CLI::IsMember(conventions))->capture_default_str();

@@ -178,12 +178,12 @@ void Synthesis::show(const Group& group, double fraction)
     progress_({plan_.splits[group.split].name, imagesDone_, imageCount_, left});
 }
 
-double luminance(const float* p) { return 0.2126 * double(p[0]) + 0.7152 * double(p[1]) + 0.0722 * double(p[2]); }
-
+/// Of luminance as shown, like RenderStats::noise.
 double luminanceSum(const Image& image)
 {
     double sum = 0;
-    for (size_t i = 0; i < image.rgba.size(); i += 4) sum += luminance(&image.rgba[i]);
+    for (size_t i = 0; i < image.rgba.size(); i += 4)
+        sum += std::min(1.0, 0.2126 * double(image.rgba[i]) + 0.7152 * double(image.rgba[i + 1]) + 0.0722 * double(image.rgba[i + 2]));
     return sum;
 }
 
@@ -230,7 +230,7 @@ Status Synthesis::renderGroup(const Group& group)
     RenderSettings settings = job_.splits[group.split].render;
     settings.seed = fnv1a(&group.camera, sizeof group.camera, fnv1a(split.name.data(), split.name.size(), settings.seed ^ kFnvOffset));
     settings.stop = stop_;
-    const size_t lightBytes = size_t(camera.width) * size_t(camera.height) * 32, chunk = std::max<size_t>(1, kChunkBytes / lightBytes);
+    const size_t lightBytes = size_t(camera.width) * size_t(camera.height) * kFilmBytesPerPixel, chunk = std::max<size_t>(1, kChunkBytes / lightBytes);
     for (size_t first = 0; first < lights.size(); first += chunk) {
         const size_t count = std::min(chunk, lights.size() - first);
         settings.progress = [&](double f) { show(group, (double(first) + f * double(count)) / double(lights.size())); };

@@ -63,7 +63,7 @@ struct SynthReport {
 Result<SynthReport> synthesise(const SynthJob& job, const StageRender& render, const std::function<void(const SynthProgress&)>& progress,
                                const std::atomic<bool>* stop);
 
-/// Bound on the film of one call of `render`: two RGBA images of floats per light.
-constexpr size_t kChunkBytes = size_t(512) << 20;
+/// Bound on the film of one call of `render`; a pixel of one light takes sums, moments and the finished image.
+constexpr size_t kChunkBytes = size_t(512) << 20, kFilmBytesPerPixel = 36;
 
 } // namespace nacre

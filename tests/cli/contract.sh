@@ -111,6 +111,7 @@ for bad in nan 0 180; do expect 2 "--fov" "${synth[@]}" --fov $bad; done
 for bad in 0 -1 x; do expect 2 "--spp" "${synth[@]}" --spp $bad; done
 for bad in 0 x 0x -4x 1.5 nan; do expect 2 "--test-spp" "${synth[@]}" --test-spp $bad; done
 for bad in 0 nan -1; do expect 2 "--noise" "${synth[@]}" --noise $bad; done
+for bad in nan -1 2; do expect 2 "--indirect-roughness" "${synth[@]}" --indirect-roughness $bad; done
 for bad in 0/2 3/2 1 1/x 1/0; do expect 2 "--shard" "${synth[@]}" --shard $bad; done
 expect 2 "--layout" "${synth[@]}" --layout heap
 expect 2 "--hemisphere" "${synth[@]}" --hemisphere lower
