@@ -5,7 +5,7 @@ set -euo pipefail
 packages=(
     g++ cmake ninja-build pkg-config
     libglm-dev libtinygltf-dev nlohmann-json3-dev libstb-dev                       # formats
-    libopenexr-dev libdraco-dev                                                     # datasets and meshes
+    libopenexr-dev libdraco-dev libjpeg-dev                                         # datasets and meshes
     libtbb-dev libhwy-dev libembree-dev libcli11-dev                                # baker and command line
     libgl-dev libopengl-dev libegl-dev libegl-mesa0 libgl1-mesa-dri                 # headless OpenGL
     doctest-dev                                                                     # tests

@@ -1,70 +1,99 @@
-// JPEG through stb_image, compiled into this file with internal linkage: other libraries export the same names. stb shows what is
-// missing of a file as grey and believes any size, so checkSegments() walks the file before it is called (ITU T.81, annex B).
+// JPEG through libjpeg(-turbo). Not through stb_image, which overruns its tables on damaged ones (the version Debian 12 has) and shows
+// missing data as grey.
+//
+// libjpeg reports an error by a function that must not return. It jumps back into decodeInto(), which therefore holds nothing
+// that needs a destructor; what does lives in decodeJpeg().
 #include "interchange/jpeg.h"
 
-#include <climits>
-#include <memory>
+#include "base/text.h"
 
-#if defined(__GNUC__)
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wunused-function"
-#pragma GCC diagnostic ignored "-Wmissing-field-initializers"
-#pragma GCC diagnostic ignored "-Wsign-compare"
-#endif
-#define STB_IMAGE_STATIC
-#define STB_IMAGE_IMPLEMENTATION
-#define STBI_ONLY_JPEG
-#define STBI_NO_STDIO
-#define STBI_MAX_DIMENSIONS 65535
-#include <stb/stb_image.h>
-#if defined(__GNUC__)
-#pragma GCC diagnostic pop
-#endif
+#include <csetjmp>
+#include <cstdio> // jpeglib.h needs it
+#include <jerror.h>
+#include <jpeglib.h>
 
 namespace nacre {
 namespace {
 
 constexpr size_t kMaxPixels = size_t(1) << 28;
 constexpr size_t kMaxPixelsPerByte = 512; // a block of 64 pixels takes at least one bit
+constexpr int kMaxScans = 200;            // of a progressive file, which costs a pass over the image for each; usual are 10
 
-Error bad(const std::string& name, const std::string& what) { return {ErrorCode::kBadInput, name + ": " + what}; }
+struct Decoder {
+    jpeg_decompress_struct info;
+    jpeg_error_mgr errors;
+    jpeg_progress_mgr progress;
+    std::jmp_buf failed;
+    ErrorCode code = ErrorCode::kBadInput;
+    char message[JMSG_LENGTH_MAX + 100]; // set when `failed` is reached
 
-size_t bigEndian16(std::span<const std::byte> bytes, size_t at) { return (size_t(bytes[at]) << 8) | size_t(bytes[at + 1]); }
-
-bool isFrameHeader(unsigned marker) { return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc; }
-
-/// Every segment lies inside the file, up to the end marker, and the size in the frame header can be true.
-Status checkSegments(std::span<const std::byte> bytes, const std::string& name)
-{
-    const auto cutOff = [&] { return bad(name, "JPEG is cut off at byte " + std::to_string(bytes.size())); };
-    bool hasFrame = false;
-    for (size_t at = 2;;) {
-        // The next marker: 0xff and neither a stuffed zero nor a restart (both belong to compressed data) nor a fill byte.
-        while (at + 1 < bytes.size()) {
-            const unsigned next = unsigned(bytes[at + 1]);
-            if (unsigned(bytes[at]) == 0xff && next != 0 && next != 0xff && !(next >= 0xd0 && next <= 0xd7)) break;
-            ++at;
-        }
-        if (at + 1 >= bytes.size()) return cutOff();
-        const unsigned marker = unsigned(bytes[at + 1]);
-        if (marker == 0xd9) return hasFrame ? ok() : Status(bad(name, "broken JPEG: no image in it"));
-        at += 2;
-        if (marker == 0x01) continue; // has no length
-        if (bytes.size() - at < 2 || bigEndian16(bytes, at) > bytes.size() - at) return cutOff();
-        const size_t length = bigEndian16(bytes, at);
-        if (length < 2) return bad(name, "broken JPEG: segment of length " + std::to_string(length) + " at byte " + std::to_string(at));
-        if (isFrameHeader(marker)) {
-            if (length < 8) return bad(name, "broken JPEG: frame header of length " + std::to_string(length));
-            const size_t height = bigEndian16(bytes, at + 3), width = bigEndian16(bytes, at + 5);
-            if (width < 1 || height < 1 || width * height > kMaxPixels)
-                return bad(name, "JPEG of " + std::to_string(width) + " x " + std::to_string(height) + " pixels, expected at most 2^28 pixels");
-            if (width * height / kMaxPixelsPerByte > bytes.size())
-                return bad(name, "JPEG header claims " + std::to_string(width) + " x " + std::to_string(height) +
-                                     " pixels but the file has only " + std::to_string(bytes.size()) + " bytes");
-            hasFrame = true;
-        }
-        at += length;
+    [[noreturn]] void fail(const char* format, size_t a = 0, size_t b = 0, size_t c = 0)
+    {
+        std::snprintf(message, sizeof message, format, a, b, c);
+        std::longjmp(failed, 1);
     }
+};
+
+Decoder& decoderOf(j_common_ptr info) { return *static_cast<Decoder*>(info->client_data); }
+
+void onError(j_common_ptr info)
+{
+    Decoder& d = decoderOf(info);
+    info->err->format_message(info, d.message);
+    std::longjmp(d.failed, 1);
+}
+
+/// libjpeg repairs damage with a warning; we call it an error. Oddities of harmless writers pass.
+void onMessage(j_common_ptr info, int level)
+{
+    const int code = info->err->msg_code;
+    const bool damage = code == JWRN_JPEG_EOF || code == JWRN_HIT_MARKER || code == JWRN_HUFF_BAD_CODE || code == JWRN_MUST_RESYNC ||
+                        code == JWRN_BOGUS_PROGRESSION;
+    if (level < 0 && damage) onError(info);
+}
+
+void onProgress(j_common_ptr info)
+{
+    Decoder& d = decoderOf(info);
+    if (d.info.input_scan_number > kMaxScans) d.fail("more than %zu scans", kMaxScans);
+}
+
+/// False: d.code and d.message say why.
+bool decodeInto(Decoder& d, std::span<const std::byte> bytes, Image8& image, std::vector<uint8_t>& row)
+{
+    d.info.err = jpeg_std_error(&d.errors);
+    d.errors.error_exit = onError;
+    d.errors.emit_message = onMessage;
+    d.info.client_data = &d;
+    if (setjmp(d.failed)) return false;
+
+    jpeg_create_decompress(&d.info);
+    d.progress.progress_monitor = onProgress;
+    d.info.progress = &d.progress;
+    jpeg_mem_src(&d.info, reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<unsigned long>(bytes.size()));
+    jpeg_read_header(&d.info, TRUE);
+    const size_t width = d.info.image_width, height = d.info.image_height;
+    if (width * height > kMaxPixels) d.fail("%zu x %zu pixels, expected at most 2^28 pixels", width, height);
+    if (width * height / kMaxPixelsPerByte > bytes.size())
+        d.fail("the header claims %zu x %zu pixels but the file has only %zu bytes", width, height, bytes.size());
+    if (d.info.jpeg_color_space == JCS_CMYK || d.info.jpeg_color_space == JCS_YCCK) {
+        d.code = ErrorCode::kUnsupported;
+        d.fail("CMYK; convert it to RGB");
+    }
+
+    d.info.out_color_space = JCS_RGB;
+    jpeg_start_decompress(&d.info);
+    row.resize(3 * width);
+    image = {int(width), int(height), std::vector<uint8_t>(4 * width * height, 255)};
+    uint8_t* out = image.rgba.data();
+    JSAMPROW rows[1] = {row.data()};
+    while (d.info.output_scanline < d.info.output_height) {
+        jpeg_read_scanlines(&d.info, rows, 1);
+        for (size_t x = 0; x < width; ++x, out += 4)
+            for (size_t c = 0; c < 3; ++c) out[c] = row[3 * x + c];
+    }
+    jpeg_finish_decompress(&d.info); // up to the end marker
+    return true;
 }
 
 } // namespace
@@ -76,15 +105,15 @@ bool looksLikeJpeg(std::span<const std::byte> bytes)
 
 Result<Image8> decodeJpeg(std::span<const std::byte> bytes, const std::string& name)
 {
-    if (!looksLikeJpeg(bytes)) return bad(name, "not a JPEG file (" + std::to_string(bytes.size()) + " bytes)");
-    if (bytes.size() > size_t(INT_MAX)) return bad(name, "JPEG larger than 2 GiB");
-    if (Status s = checkSegments(bytes, name); !s) return s.error();
-
-    int w = 0, h = 0, channels = 0;
-    stbi_uc* decoded = stbi_load_from_memory(reinterpret_cast<const stbi_uc*>(bytes.data()), int(bytes.size()), &w, &h, &channels, 4);
-    const std::unique_ptr<stbi_uc, void (*)(void*)> owner(decoded, stbi_image_free);
-    if (!decoded) return bad(name, std::string("broken JPEG: ") + stbi_failure_reason());
-    return Image8{w, h, std::vector<uint8_t>(decoded, decoded + size_t(w) * size_t(h) * 4)};
+    if (!looksLikeJpeg(bytes)) return Error{ErrorCode::kBadInput, name + ": not a JPEG file (" + std::to_string(bytes.size()) + " bytes)"};
+    struct Owner { // releases libjpeg's memory on every way out, an exception of a vector among them
+        Decoder d{};
+        ~Owner() { jpeg_destroy_decompress(&d.info); }
+    } owner;
+    Image8 image;
+    std::vector<uint8_t> row;
+    if (!decodeInto(owner.d, bytes, image, row)) return Error{owner.d.code, name + ": JPEG: " + oneLine(owner.d.message)};
+    return image;
 }
 
 } // namespace nacre
