@@ -27,7 +27,7 @@ struct DracoMesh {
 };
 
 constexpr uint64_t kMaxDracoTriangles = uint64_t(1) << 26;
-constexpr uint64_t kMaxDracoTrianglesPerByte = 1024; // of compressed data
+constexpr uint64_t kMaxDracoTrianglesPerByte = 64; // of compressed data; a flat regular grid reaches 4
 
 /// Decodes bitstream 2.2 (the only one glTF allows), attributes `ids`. Any bytes are safe: the counts in the header are checked against
 /// the limits above before anything is decoded. Errors kBadInput: damaged data, missing attribute; kUnsupported: other bitstreams.

@@ -72,7 +72,7 @@ NodeTree readTree(const File& file)
         const JsonNode children = file.nodes[i]["children"];
         if (!children.exists()) continue;
         for (const JsonNode& index : children.items()) {
-            const size_t child = size_t(&File::at(file.nodes, index) - file.nodes.data());
+            const size_t child = file.index(file.nodes, index);
             if (tree.parents[child] >= 0)
                 bad(file.nodes[child].where() + " has two parents, nodes " + std::to_string(tree.parents[child]) + " and " + std::to_string(i));
             tree.parents[child] = int(i);
@@ -103,9 +103,9 @@ std::vector<size_t> rootNodes(const File& file, const NodeTree& tree)
         return roots;
     }
     const JsonNode chosen = file.root()["scene"];
-    const JsonNode nodes = (chosen.exists() ? File::at(file.scenes, chosen) : file.scenes[0])["nodes"];
+    const JsonNode nodes = (chosen.exists() ? file.at(file.scenes, chosen) : file.scenes[0])["nodes"];
     if (nodes.exists())
-        for (const JsonNode& index : nodes.items()) roots.push_back(size_t(&File::at(file.nodes, index) - file.nodes.data()));
+        for (const JsonNode& index : nodes.items()) roots.push_back(file.index(file.nodes, index));
     file.check();
     return roots;
 }
@@ -133,7 +133,7 @@ std::vector<std::vector<Instance>> placeMeshes(const File& file)
     std::vector<std::vector<Instance>> byMesh(file.meshes.size());
     for (const Instance& instance : placed)
         if (const JsonNode mesh = file.nodes[instance.node]["mesh"]; mesh.exists())
-            byMesh[size_t(&File::at(file.meshes, mesh) - file.meshes.data())].push_back(instance);
+            byMesh[file.index(file.meshes, mesh)].push_back(instance);
     file.check();
     return byMesh;
 }
@@ -148,13 +148,13 @@ const TextureSlot* tangentSlot(const MeshMaterial& m)
     return m.anisotropy > 0.0f ? &m.anisotropyTexture : nullptr;
 }
 
-void warnAboutMissingTexcoords(File& file, const TriangleMesh& mesh, const MeshMaterial& m)
+void warnAboutMissingTexcoords(File& file, const TriangleMesh& mesh, const MeshMaterial& m, const std::string& where)
 {
     for (const TextureSlot* slot :
          {&m.baseColorTexture, &m.metallicRoughnessTexture, &m.normalTexture, &m.specularTexture, &m.specularColorTexture, &m.anisotropyTexture,
           &m.clearcoatTexture, &m.clearcoatRoughnessTexture, &m.clearcoatNormalTexture, &m.transmissionTexture})
         if (*slot && mesh.texcoords[slot->texcoord].empty())
-            file.warn("mesh " + inQuotes(mesh.name) + " has no TEXCOORD_" + std::to_string(slot->texcoord) + ", which the textures of material " +
+            file.warn(where + " has no TEXCOORD_" + std::to_string(slot->texcoord) + ", which the textures of material " +
                       inQuotes(m.name) + " need: they are sampled at one point");
 }
 
@@ -175,11 +175,11 @@ public:
                 local->name = node["name"].exists() ? node["name"].string() : meshName;
                 file_.check();
                 if (i + 1 == instances.size()) {
-                    addInstance(std::move(*local), instances[i].worldFromLocal);
+                    addInstance(std::move(*local), instances[i].worldFromLocal, primitive.where());
                 } else {
                     file_.take(local->positions.size(), bytesPerVertex(*local), node.where());
                     file_.take(local->triangles.size(), sizeof(glm::uvec3), node.where());
-                    addInstance(TriangleMesh(*local), instances[i].worldFromLocal);
+                    addInstance(TriangleMesh(*local), instances[i].worldFromLocal, primitive.where());
                 }
             }
         }
@@ -200,20 +200,20 @@ private:
                sizeof(glm::vec2) * (size_t(!m.texcoords[0].empty()) + !m.texcoords[1].empty());
     }
 
-    void addInstance(TriangleMesh mesh, const glm::dmat4& worldFromLocal)
+    void addInstance(TriangleMesh mesh, const glm::dmat4& worldFromLocal, const std::string& where)
     {
-        if (!transformMesh(mesh, worldFromLocal)) bad("mesh " + inQuotes(mesh.name) + ": a position is out of the range of float in the world");
+        if (!transformMesh(mesh, worldFromLocal)) bad(where + ": a position is out of the range of float in the world");
         zeroAreaTriangles_ += dropZeroAreaTriangles(mesh);
         dropUnusedVertices(mesh);
         if (mesh.triangles.empty()) return;
         zeroNormals_ += replaceZeroNormals(mesh);
         if (std::any_of(mesh.tangents.begin(), mesh.tangents.end(), [](const glm::vec4& t) { return glm::vec3(t) == glm::vec3(0.0f); })) {
-            file_.warn("mesh " + inQuotes(mesh.name) + " has tangents of length 0: they are made anew where they are needed");
+            file_.warn(where + " has tangents of length 0: they are made anew where they are needed");
             mesh.tangents.clear();
         }
         if (size_t(mesh.material) == scene_.materials.size()) scene_.materials.emplace_back().name = "default";
         const MeshMaterial& material = scene_.materials[size_t(mesh.material)];
-        warnAboutMissingTexcoords(file_, mesh, material);
+        warnAboutMissingTexcoords(file_, mesh, material, where);
         if (const TextureSlot* slot = tangentSlot(material); slot && mesh.tangents.empty()) {
             file_.take(mesh.positions.size(), 2 * sizeof(glm::vec4), "tangents"); // at most every vertex is split in two
             makeTangents(mesh, *slot);

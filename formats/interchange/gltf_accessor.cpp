@@ -101,7 +101,7 @@ std::vector<uint32_t> sparseRowIndices(const Accessor& a)
 
 Accessor readAccessor(const File& file, const JsonNode& index)
 {
-    const JsonNode& node = File::at(file.accessors, index);
+    const JsonNode& node = file.at(file.accessors, index);
     Accessor a;
     a.where = node.where();
     a.count = node["count"].size(UINT32_MAX);

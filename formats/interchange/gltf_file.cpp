@@ -212,11 +212,12 @@ std::vector<JsonNode> File::list(const char* key) const
     return node.items();
 }
 
-const JsonNode& File::at(const std::vector<JsonNode>& list, const JsonNode& index)
+size_t File::index(const std::vector<JsonNode>& list, const JsonNode& node) const
 {
-    const uint64_t i = index.size(UINT32_MAX);
-    if (i >= list.size()) bad(index.where() + " is " + std::to_string(i) + ", but there are " + std::to_string(list.size()));
-    return list[i];
+    const uint64_t i = node.size(UINT32_MAX);
+    check();
+    if (i >= list.size()) bad(node.where() + " is " + std::to_string(i) + ", but there are " + std::to_string(list.size()));
+    return i;
 }
 
 void File::checkVersionAndExtensions()

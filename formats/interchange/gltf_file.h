@@ -33,7 +33,7 @@ public:
     File(std::span<const std::byte> bytes, const UriReader& readUri, uint64_t maxDecodedBytes);
     File(const File&) = delete;
 
-    /// Throws the first mismatch found in the JSON, if there is one. Indices read from JSON hold only after it.
+    /// Throws the first mismatch found in the JSON, if there is one.
     void check() const;
     /// One line for the user; the same line once, and not more than a screenful of lines.
     void warn(const std::string& line);
@@ -47,8 +47,9 @@ public:
         std::string where;
     };
     View view(const JsonNode& index) const;
-    /// An element of one of the lists below, by the index the JSON gives.
-    static const JsonNode& at(const std::vector<JsonNode>& list, const JsonNode& index);
+    /// What the JSON gives as index into one of the lists below, and the element there.
+    size_t index(const std::vector<JsonNode>& list, const JsonNode& node) const;
+    const JsonNode& at(const std::vector<JsonNode>& list, const JsonNode& node) const { return list[index(list, node)]; }
     /// What a URI stands for: embedded data, or a file beside this one.
     std::vector<std::byte> fetch(const JsonNode& uri) const;
 

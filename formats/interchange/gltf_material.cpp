@@ -54,23 +54,23 @@ public:
     /// Index into MeshScene::textures of a texture of the file.
     int load(const JsonNode& textureIndex)
     {
-        const JsonNode& texture = File::at(file_.textures, textureIndex);
+        const JsonNode& texture = file_.at(file_.textures, textureIndex);
         if (!texture["source"].exists()) {
             const std::vector<std::string> extensions = texture["extensions"].exists() ? texture["extensions"].keys() : std::vector<std::string>();
             bad(texture.where() + " has no PNG or JPEG image" + (extensions.empty() ? "" : ", only " + inQuotes(extensions[0])) +
                 "; convert its image");
         }
-        const JsonNode& image = File::at(file_.images, texture["source"]);
+        const size_t imageIndex = file_.index(file_.images, texture["source"]);
+        const JsonNode& image = file_.images[imageIndex];
         MeshTexture made;
         if (texture["sampler"].exists()) {
-            const JsonNode& sampler = File::at(file_.samplers, texture["sampler"]);
+            const JsonNode& sampler = file_.at(file_.samplers, texture["sampler"]);
             made.wrapU = readWrap(sampler["wrapS"]);
             made.wrapV = readWrap(sampler["wrapT"]);
             made.nearest = sampler["magFilter"].exists() && sampler["magFilter"].integer(0, 65535) == 9728;
         }
         file_.check();
 
-        const size_t imageIndex = size_t(&image - file_.images.data());
         const auto [known, isNew] = byUse_.try_emplace({imageIndex, made.wrapU, made.wrapV, made.nearest}, int(scene_.textures.size()));
         if (!isNew) return known->second;
         if (const auto same = byImage_.find(imageIndex); same != byImage_.end()) {

@@ -178,7 +178,7 @@ std::optional<TriangleMesh> readPrimitive(File& file, const JsonNode& primitive,
 
     TriangleMesh mesh;
     mesh.material = defaultMaterial;
-    if (primitive["material"].exists()) mesh.material = int(&File::at(file.materials, primitive["material"]) - file.materials.data());
+    if (primitive["material"].exists()) mesh.material = int(file.index(file.materials, primitive["material"]));
     mesh.positions = attributes.read<3>("POSITION");
     if (const ptrdiff_t i = firstNotFinite<3>(mesh.positions); i >= 0)
         bad(attributes.accessor("POSITION").where + " (POSITION): element " + std::to_string(i) + " is not finite; repair the mesh");

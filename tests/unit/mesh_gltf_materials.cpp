@@ -185,6 +185,12 @@ TEST_CASE("images come from a bufferView, a file or embedded data, as PNG or JPE
     for (size_t i = 0; i < 16 * 8; i++)
         for (size_t c = 0; c < 4; c++) CHECK(std::abs(int(jpeg.textures[0].rgba[4 * i + c]) - std::vector<int>{200, 100, 50, 255}[c]) <= 3); // JPEG rounds
 
+    PngBuilder deep; // 16 bits lose their lower half
+    deep.bitDepth = 16, deep.colorType = 0;
+    deep.rows = {0, 0x12, 0x34, 0xff, 0xff, 0, 0x00, 0x01, 0x80, 0x00};
+    const MeshScene grey = load(withImage({{"uri", "deep.png"}}).glb(), {{"deep.png", deep.build()}});
+    CHECK(grey.textures[0].rgba == std::vector<uint8_t>{0x12, 0x12, 0x12, 255, 255, 255, 255, 255, 0, 0, 0, 255, 0x80, 0x80, 0x80, 255});
+
     checkRefused(withImage({{"uri", "lost.png"}}).glb(), ErrorCode::kBadInput, {"images[0].uri", "lost.png"});
     Bytes cut = smallPng();
     cut.resize(cut.size() - 20);

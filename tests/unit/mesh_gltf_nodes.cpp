@@ -137,6 +137,7 @@ TEST_CASE("nodes with two parents, cycles and nodes twice in a scene are errors"
     checkRefused(withNodes({leaf, group({2}), group({1})}, {0}), ErrorCode::kBadInput, {"nodes[1]", "cycle"});
     checkRefused(withNodes({leaf}, {0, 0}), ErrorCode::kBadInput, {"nodes[0]", "twice"});
     checkRefused(withNodes({group({1}), leaf}, {0, 1}), ErrorCode::kBadInput, {"nodes[1]", "twice"});
+    checkRefused(withNodes({leaf, json{{"children", {"0"}}}}, {0}), ErrorCode::kBadInput, {"nodes[1].children[0]", "number", "string"});
     checkRefused(withNodes({group({7})}, {0}), ErrorCode::kBadInput, {"children", "is 7"});
 }
 
