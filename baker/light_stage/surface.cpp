@@ -163,6 +163,7 @@ Body bodyFromFile(const MeshMaterial& m, float unitsPerMetre)
     setMedium(body, sigmaT, alpha, m.scatterAnisotropy);
     body.boundary = m.transmission > 0.0f;
     body.scatters = !body.boundary && m.hasVolumeScatter && maxOf(sigmaT) > 0.0f;
+    if (m.diffuseTransmission > 0.0f) body.walkShare = m.diffuseTransmission;
     body.invisible = body.boundary && std::fabs(m.ior - 1.0f) < 1e-4f;
     return body;
 }
@@ -245,8 +246,8 @@ Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::st
                                " edges; light leaks there and is lost (close the mesh, or expect dark places)");
         if (body.boundary && !body.invisible && m.roughness * m.roughness < kMinAlpha)
             warnings.push_back(name + ": a smooth boundary of a volume lets no light of a lamp without size through; rendered with roughness 0.03");
-        if (body.scatters && m.hasVolumeScatter)
-            warnings.push_back(name + ": KHR_materials_volume_scatter without transmission: light enters and leaves diffusely");
+        if (body.scatters && m.hasVolumeScatter && m.diffuseTransmission == 0.0f)
+            warnings.push_back(name + ": KHR_materials_volume_scatter without transmission: light enters and leaves diffusely, as with KHR_materials_diffuse_transmission");
     }
     return table;
 }
@@ -326,11 +327,11 @@ SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, c
             s.walk.albedo = singleScatterOf(b.baseColor, body.medium.g);
         }
         const float mean = maxOf(b.specular * (b.f0 + (1.0f - b.f0) / 21.0f));
-        const float enter = (1.0f - b.metallic) * (1.0f - b.transmission) * walkExitFactor(b, b.wo.z) / std::max(1e-3f, 1.0f - mean);
+        walkAlbedo *= body.walkShare;
+        const float enter = body.walkShare * (1.0f - b.metallic) * (1.0f - b.transmission) * walkExitFactor(b, b.wo.z) / std::max(1e-3f, 1.0f - mean);
         s.walkWeight = glm::vec3(enter);
-    } else if (!body.scatters) {
-        b.diffuse = (1.0f - b.transmission) * b.baseColor; // evaluate() applies 1 - metallic
     }
+    b.diffuse = (1.0f - b.transmission) * (body.scatters ? 1.0f - body.walkShare : 1.0f) * b.baseColor; // evaluate() applies 1 - metallic
     b.finish(walkAlbedo, &s.chanceSubsurface);
     s.walkWeight *= 1.0f - b.coatShare;
     return s;

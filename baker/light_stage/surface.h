@@ -15,6 +15,7 @@ namespace nacre::stage {
 /// What a material means to the integrator, beyond its surface lobes.
 struct Body {
     bool scatters = false;     // kDiffuse: a random walk starts beneath the surface
+    float walkShare = 1.0f;    // of the diffuse light that goes in; the rest is reflected by the surface
     bool boundary = false;     // the surface leads into `medium` (kNone and kDielectric)
     bool invisible = false;    // kNone: light passes straight through the surface
     bool albedoFromBaseColor = false; // the walk's colour is the base colour at the point of entry

@@ -29,6 +29,7 @@ constexpr KnownExtension kKnownExtensions[] = {
     {"KHR_materials_anisotropy", true},
     {"KHR_materials_clearcoat", true},
     {"KHR_materials_transmission", true},
+    {"KHR_materials_diffuse_transmission", true}, // with KHR_materials_volume_scatter; alone it has its own warning
     {"KHR_materials_volume", true},
     {"KHR_materials_volume_scatter", true},
     {"KHR_materials_emissive_strength", true}, // emission has its own warning

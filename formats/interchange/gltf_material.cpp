@@ -134,6 +134,20 @@ private:
         if (outside) file_.warn(node.where() + " is out of range and is clamped");
     }
 
+    /// Into a scattering medium it is how light gets into the body. On its own it would be a sheet that glows on both sides.
+    void readDiffuseTransmission(const JsonNode& node, MeshMaterial& m)
+    {
+        if (!node.exists()) return;
+        if (!m.hasVolumeScatter) {
+            file_.warn("KHR_materials_diffuse_transmission without KHR_materials_volume_scatter is ignored: material " + inQuotes(m.name));
+            return;
+        }
+        factor(node["diffuseTransmissionFactor"], m.diffuseTransmission);
+        if (node["diffuseTransmissionTexture"].exists() || node["diffuseTransmissionColorTexture"].exists() ||
+            node["diffuseTransmissionColorFactor"].exists())
+            file_.warn("KHR_materials_diffuse_transmission: its textures and colour are ignored: material " + inQuotes(m.name));
+    }
+
     void slot(const JsonNode& node, TextureSlot& slot)
     {
         if (!node.exists()) return;
@@ -240,6 +254,7 @@ private:
         color(scatter["multiscatterColorFactor"], m.multiscatterColor);
         factor(scatter["scatterAnisotropy"], m.scatterAnisotropy, -0.999f, 0.999f);
 
+        readDiffuseTransmission(File::extension(node, "KHR_materials_diffuse_transmission"), m);
         if (File::extension(node, "KHR_materials_unlit").exists())
             file_.warn("KHR_materials_unlit is ignored: material " + inQuotes(m.name) + " is lit like any other");
         if (File::extension(node, "KHR_materials_pbrSpecularGlossiness").exists())

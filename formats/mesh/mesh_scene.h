@@ -64,6 +64,7 @@ struct MeshMaterial {
     float thickness = 0.0f;                  // KHR_materials_volume: > 0 makes the mesh the boundary of a medium
     glm::vec3 attenuationColor{1.0f};
     float attenuationDistance = std::numeric_limits<float>::infinity(); // metres
+    float diffuseTransmission = 0.0f;        // KHR_materials_diffuse_transmission: share of the diffuse light that goes through
     bool hasVolumeScatter = false;           // KHR_materials_volume_scatter
     glm::vec3 multiscatterColor{0.0f};
     float scatterAnisotropy = 0.0f;          // Henyey-Greenstein g, (-1, 1)
