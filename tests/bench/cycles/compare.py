@@ -2,13 +2,14 @@
 
     blender -b -P compare.py -- OUT
 
-With a = mean of our two renders, b = mean of Cycles' two, on pixels with alpha > 0.5, all images and channels of a split together:
+With a = mean of our two renders, b = mean of Cycles' two, on pixels with (Cycles') alpha > 0.5, all images and channels of a split together:
   ratio   mean a / mean b - 1: no bias from noise
   raw     mean |a - b| / mean b
   noise   the same of (a1 - a2 + b1 - b2) / 2, whose distribution is that of the noise in a - b
   diff    sqrt(raw^2 - noise^2): what remains of raw when noise is taken out
   rms     sqrt(mean (a1 - b1)(a2 - b2)) / mean b: noise has mean zero in the product; larger than diff where few pixels differ much
 """
+import json
 import os
 import struct
 import sys
@@ -33,6 +34,11 @@ def figures(a1, a2, b1, b2):
     return signed, error, raw, floor, np.sqrt(max(0, raw ** 2 - floor ** 2)), np.sqrt(max(0, product)) / scale
 
 
+def framePaths(folder, split):
+    with open(os.path.join(folder, "transforms_%s.json" % split)) as text:
+        return [os.path.join(folder, frame["file_path"]) for frame in json.load(text)["frames"]]
+
+
 def toBytes(linear):
     x = np.clip(linear, 0, 1)
     return (np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055) * 255 + 0.5).astype(np.uint8)
@@ -53,12 +59,14 @@ def main():
     print("%-10s %-12s %7s %9s %8s | %7s %7s %7s %7s | %s" % ("variant", "split", "images", "ratio", "+-", "raw", "noise", "diff", "rms", "ratio R, G, B"))
     for name, variant in scenes.VARIANTS.items():
         tiles = []
-        for split, frames in scenes.splits(variant.get("analytic", False)).items():
+        for split, frames in scenes.splits(variant).items():
             parts, alphas = [], []
+            paths = [framePaths(os.path.join(out, folder, name), split) for folder in ("nacre", "nacre_again", "cycles", "cycles_again")]
             for i in range(len(frames)):
-                images = [cs.readImage(os.path.join(out, folder, name, split, "%03d.exr" % i)).astype(np.float64)
-                          for folder in ("nacre", "nacre_again", "cycles", "cycles_again")]
+                images = [cs.readImage(p[i]).astype(np.float64) for p in paths]
                 mask = (images[2][:, :, 3] + images[3][:, :, 3]) / 2 > 0.5
+                if variant.get("boundary") == "none":  # Cycles' alpha is opacity there, ours is coverage
+                    mask = np.minimum(images[0][:, :, 3], images[1][:, :, 3]) > 0.999
                 parts.append([image[mask][:, :3] for image in images])
                 alphas.append(np.abs(images[0][:, :, 3] + images[1][:, :, 3] - images[2][:, :, 3] - images[3][:, :, 3]).max() / 2)
                 if i in (0, 1) and len(tiles) < 4:

@@ -63,8 +63,33 @@ def glossy(tree, colour, roughness):
     return node.outputs[0]
 
 
+def volumeMaterial(variant):
+    """sigma_t = 1 / mfp, sigma_s = alpha sigma_t: a scattering node and an absorbing one, whose colours are shares of their densities."""
+    material, tree, output = cs.newMaterial("volume")
+    sigmaT, alpha = 1 / np.array(variant["mfp"]), np.array(variant["alpha"])
+    scatter, absorb, add = (tree.nodes.new("ShaderNode" + name) for name in ("VolumeScatter", "VolumeAbsorption", "AddShader"))
+    for node, sigma in ((scatter, sigmaT * alpha), (absorb, sigmaT * (1 - alpha))):
+        share = sigma / sigma.max()
+        node.inputs["Density"].default_value = sigma.max()
+        node.inputs["Color"].default_value = (*(share if node is scatter else 1 - share), 1)
+        tree.links.new(node.outputs[0], add.inputs[0 if node is scatter else 1])
+    scatter.inputs["Anisotropy"].default_value = variant["g"]
+    tree.links.new(add.outputs[0], output.inputs["Volume"])
+    material.cycles.homogeneous_volume = True
+    if variant["boundary"] == "dielectric":
+        glass = tree.nodes.new("ShaderNodeBsdfGlass")
+        glass.distribution = "GGX"
+        glass.inputs["Color"].default_value = (1, 1, 1, 1)
+        glass.inputs["Roughness"].default_value = variant["roughness"]
+        glass.inputs["IOR"].default_value = 1.5
+        tree.links.new(glass.outputs[0], output.inputs["Surface"])
+    return material
+
+
 def makeMaterial(variant):
     kind = variant["kind"]
+    if kind == "volume":
+        return volumeMaterial(variant)
     if kind == "diffuse":
         return cs.diffuseMaterial(variant["color"])
     if kind == "wax":
@@ -122,7 +147,7 @@ def main():
             material = makeMaterial(variant)
             v, n, f = scenes.MESHES[variant["mesh"]]()
             cs.addMesh("object", v, f, n, material)
-            for split, frames in scenes.splits(variant.get("analytic", False)).items():
+            for split, frames in scenes.splits(variant).items():
                 for i, (camera, light) in enumerate(frames):
                     path = os.path.join(folder, split, "%03d.exr" % i)
                     if os.path.exists(path):
@@ -132,6 +157,8 @@ def main():
                     if old:
                         bpy.data.objects.remove(old)
                     setLight(light, material, out)
+                    # Through a volume without surface a transparent film leaves out what lies straight behind; ours shows it.
+                    bpy.context.scene.render.film_transparent = not (variant.get("boundary") == "none" and split == "environment")
                     cs.renderTo(path)
             scenes.writeTransforms(folder, name, variant, "Blender %s Cycles" % bpy.app.version_string)
     for folder in ("cycles", "cycles_again"):  # "../env.exr" of the description files

@@ -28,19 +28,29 @@ def cyclesAlpha(a):
 
 
 def wax(colour, mfp):
-    return {"kind": "wax", "color": colour, "mfp": mfp, "alpha": [round(float(v), 7) for v in cyclesAlpha(colour)]}
+    return {"kind": "wax", "color": colour, "mfp": mfp, "alpha": [round(float(v), 7) for v in cyclesAlpha(colour)], "g": 0.0,
+            "boundary": "diffuse"}
 
 
-# roughness is glTF's perceptual one. "analytic": direct light only, on a sphere, so that Schlick's F(V.H) can be built from nodes.
+# roughness is glTF's perceptual one. Conductor and dielectric: a sphere under one light without size, where nothing but direct light is
+# seen and Schlick's F(V.H) can be built from nodes.
 VARIANTS = {
     "diffuse":  {"mesh": "blob", "kind": "diffuse", "color": [0.8, 0.5, 0.3]},
     "glossy":   {"mesh": "blob", "kind": "glossy", "color": [1.0, 1.0, 1.0], "roughness": 0.3},
+    "polished": {"mesh": "blob", "kind": "glossy", "color": [1.0, 1.0, 1.0], "roughness": 0.12, "splits": ["directional", "environment"]},
     "wax":      {"mesh": "blob", **wax([0.75, 0.6, 0.3], [0.04, 0.02, 0.01])},
     "wax_clear": {"mesh": "blob", **wax([0.8, 0.7, 0.6], [0.25, 0.12, 0.06])},
-    "gold":     {"mesh": "sphere", "kind": "conductor", "color": [1.0, 0.71, 0.29], "roughness": 0.5, "analytic": True},
-    "plastic":  {"mesh": "sphere", "kind": "dielectric", "color": [0.3, 0.5, 0.8], "roughness": 0.4, "analytic": True},
+    "wax_ball": {"mesh": "sphere", **wax([0.8, 0.7, 0.6], [0.25, 0.12, 0.06]), "splits": ["directional"]},  # no light enters twice
+    # Cycles' volumes: Henyey-Greenstein, an index-matched boundary (no surface shader) or a Glass BSDF, which no shadow ray passes.
+    "fog":      {"mesh": "blob", "kind": "volume", "mfp": [0.3, 0.2, 0.1], "alpha": [0.95, 0.8, 0.6], "g": 0.3, "boundary": "none"},
+    "glass":    {"mesh": "blob", "kind": "volume", "mfp": [0.3, 0.2, 0.1], "alpha": [0.95, 0.8, 0.6], "g": 0.3, "boundary": "dielectric",
+                 "roughness": 0.1, "splits": ["environment"]},
+    "gold":     {"mesh": "sphere", "kind": "conductor", "color": [1.0, 0.71, 0.29], "roughness": 0.5,
+                 "splits": ["test", "directional"]},
+    "plastic":  {"mesh": "sphere", "kind": "dielectric", "color": [0.3, 0.5, 0.8], "roughness": 0.4,
+                 "splits": ["test", "directional"]},
 }
-SAMPLES = {"diffuse": 128, "glossy": 192, "wax": 384, "wax_clear": 384, "conductor": 64, "dielectric": 64}
+SAMPLES = {"diffuse": 128, "glossy": 192, "wax": 160, "conductor": 64, "dielectric": 64, "fog": 160, "glass": 96}
 
 
 # ---- meshes -------------------------------------------------------------------------------------------------------------------------
@@ -96,13 +106,13 @@ MESHES = {"blob": blob, "sphere": sphere}
 
 
 def gltfMaterial(variant):
-    """Core metallic-roughness; a wax is Lambert in the file, its medium comes from the command line (--sss)."""
-    lambert = {"pbrMetallicRoughness": {"baseColorFactor": variant["color"] + [1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
+    """Core metallic-roughness; a medium comes from the command line (--sss)."""
+    lambert = {"pbrMetallicRoughness": {"baseColorFactor": variant.get("color", [1.0, 1.0, 1.0]) + [1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
                "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
-    if variant["kind"] in ("diffuse", "wax"):
+    if "roughness" not in variant:
         return lambert
-    return {"pbrMetallicRoughness": {"baseColorFactor": variant["color"] + [1.0], "roughnessFactor": variant["roughness"],
-                                     "metallicFactor": 0.0 if variant["kind"] == "dielectric" else 1.0}}
+    return {"pbrMetallicRoughness": {"baseColorFactor": variant.get("color", [1.0, 1.0, 1.0]) + [1.0], "roughnessFactor": variant["roughness"],
+                                     "metallicFactor": 1.0 if variant["kind"] in ("glossy", "conductor") else 0.0}}
 
 
 def writeGlb(path, v, n, f, variant):
@@ -151,16 +161,15 @@ def direction(azimuthDegrees, elevationDegrees):
 CAMERAS = [lookAtOrigin(CAMERA_DISTANCE * direction(a, e)) for a, e in ((20, 25), (115, 50), (200, 5), (300, -20))]
 
 
-def splits(analytic):
+def splits(variant):
     """split name -> list of (camera index, light); a far and a near point light, a directional one, the environment."""
     far = {"type": "point", "position": (5.0 * direction(60, 40)).tolist(), "intensity": [60.0, 60.0, 60.0]}
     near = {"type": "point", "position": (1.7 * direction(250, 30)).tolist(), "intensity": [8.0, 7.0, 6.0]}
     sun = {"type": "directional", "direction_to_light": direction(-20, 35).tolist(), "irradiance": [3.0, 3.0, 3.0]}
     sky = {"type": "environment", "map": "../env.exr"}
-    out = {"test": [(c, light) for c in range(4) for light in (far, near)], "directional": [(c, sun) for c in range(4)]}
-    if not analytic:
-        out["environment"] = [(c, sky) for c in range(4)]
-    return out
+    out = {"test": [(c, light) for c in range(4) for light in (far, near)], "directional": [(c, sun) for c in range(4)],
+           "environment": [(c, sky) for c in range(4)]}
+    return {name: frames for name, frames in out.items() if name in variant.get("splits", out)}
 
 
 def environmentMap():
@@ -196,7 +205,7 @@ def writeExr(path, image):
 
 def writeTransforms(folder, name, variant, renderer):
     """The canonical description of folder/; images are folder/SPLIT/NNN.exr."""
-    for split, frames in splits(variant.get("analytic", False)).items():
+    for split, frames in splits(variant).items():
         doc = {"camera_angle_x": CAMERA_ANGLE_X, "width": SIZE, "height": SIZE, "color_space": "linear", "background": "black",
                "object": name, "renderer": renderer,
                "frames": [{"file_path": "%s/%03d.exr" % (split, i), "transform_matrix": CAMERAS[c].tolist(), "light": light}
@@ -207,7 +216,7 @@ def writeTransforms(folder, name, variant, renderer):
 
 def sssArgument(variant):
     numbers = lambda values: ",".join("%.7g" % v for v in values)
-    return "surface:alpha=%s:mfp=%s:g=0:boundary=diffuse" % (numbers(variant["alpha"]), numbers(variant["mfp"]))
+    return "surface:alpha=%s:mfp=%s:g=%g:boundary=%s" % (numbers(variant["alpha"]), numbers(variant["mfp"]), variant["g"], variant["boundary"])
 
 
 def main():
@@ -219,7 +228,7 @@ def main():
         writeGlb(os.path.join(out, name + ".glb"), *built[variant["mesh"]], variant)
     with open(os.path.join(out, "sss.txt"), "w") as text:  # VARIANT ARGUMENT, for the shell script
         for name, variant in VARIANTS.items():
-            text.write("%s %s\n" % (name, sssArgument(variant) if variant["kind"] == "wax" else "-"))
+            text.write("%s %s\n" % (name, sssArgument(variant) if "mfp" in variant else "-"))
 
 
 if __name__ == "__main__":
