@@ -339,7 +339,8 @@ int main(int argc, char** argv)
     std::printf("# Reflectance of a half space\n\n"
                 "Written by `tests/bench/cycles/slab_reference.cpp` (double precision, shares no code with the tracer), %llu photons per case.\n"
                 "alpha = single-scattering albedo, g = Henyey-Greenstein. MC = Monte Carlo with its standard error; AD = adding-doubling; H = Chandrasekhar's\n"
-                "H function (exact). Where AD is given it is right to about 1e-6, see the last column; take AD (or H) as the value for tests.\n"
+                "H function (exact). AD is right to about 1e-6 where the boundary is index-matched, to 2e-5 where it is a dielectric (twice the nodes\n"
+                "change it by that much); take AD as the value for tests.\n"
                 "A random walk with cosine entry and Lambert exit (boundary `diffuse`) has the reflectance of the first table.\n\n",
                 static_cast<unsigned long long>(photons));
     struct Case {
