@@ -2,7 +2,7 @@
 //
 // A pass follows 16 paths of one pixel side by side. At every vertex of every path, all lights are asked: a light without size (point,
 // directional) needs one shadow ray and no random number, so the image of a light is the same whichever lights share the pass.
-// Shadow rays go through the ray library in packets of eight. Environment maps are sampled by radiance and by the surface, combined with the power heuristic (Veach and Guibas 1995).
+// Environment maps are sampled by radiance and by the surface, combined with the power heuristic (Veach and Guibas 1995).
 //
 // A path moves through states: a ray (advance() finds the next vertex, through clear surfaces and media) or a vertex (it is lit, then
 // scatter() draws the next ray, or a random walk whose exit is the next vertex). Russian roulette weighs survivors by 1/q: no bias.
@@ -11,8 +11,10 @@
 #include "base/hash.h"
 #include "interchange/exr.h"
 #include "light_stage/environment_light.h"
+#include "light_stage/film.h"
 #include "light_stage/hair_bsdf.h"
 #include "light_stage/random_walk.h"
+#include "light_stage/shadow_queue.h"
 #include "light_stage/surface.h"
 
 #include <tbb/blocked_range.h>
@@ -35,6 +37,7 @@ struct PathTracer::State {
     std::unique_ptr<RayScene> rays;
     std::unique_ptr<SurfaceTable> surfaces;
     HairFiber fiber;
+    float offset = 0.0f; // rays start this far off a surface: more than the rounding of coordinates
     bool isFiber(const RayHit& hit) const { return hit.mesh == scene.mesh.meshes.size(); }
 };
 
@@ -53,6 +56,7 @@ struct Vertex {
     glm::vec3 position{0.0f}, ng{0, 0, 1}; // ng on the side the path came from (kSurface) or goes to (kWalkExit)
     glm::vec3 throughput{1.0f};
     SurfacePoint surface;                  // kSurface, kWalkExit
+    SurfaceBsdf lampBsdf;                  // kSurface: what lamps without size see; rougher at the boundary of a medium
     glm::vec3 travel{0, 0, 1};             // kPhase: direction before scattering
     int medium = -1;                       // kPhase: the medium it lies in
     HairHit hair;                          // kFiber, with its frame: t along the fibre
@@ -64,6 +68,10 @@ struct Vertex {
     float reachFrom() const { return kind == VertexKind::kFiber ? nearDistance : 0.0f; }
     /// f |cos| towards wi.
     glm::vec3 evaluate(const glm::vec3& wi, const PathTracer::State& state) const;
+    glm::vec3 evaluateForLamp(const glm::vec3& wi, const PathTracer::State& state) const
+    {
+        return kind == VertexKind::kSurface ? lampBsdf.evaluate(wi) : evaluate(wi, state);
+    }
     /// Density with which scatter() draws wi.
     float pdf(const glm::vec3& wi, const PathTracer::State& state) const;
 };
@@ -82,13 +90,6 @@ struct Lane {
     PixelSampler sampler;
     Rng rng;
 };
-
-/// Moves a point off its surface, to the side of `n`, by more than the rounding of its coordinates.
-glm::vec3 offsetPoint(const glm::vec3& p, const glm::vec3& n)
-{
-    const float size = std::max({std::fabs(p.x), std::fabs(p.y), std::fabs(p.z), 0.05f});
-    return p + n * (4e-6f * size);
-}
 
 } // namespace
 
@@ -158,45 +159,6 @@ struct LightSet {
     };
     std::vector<Delta> deltas;
     std::vector<Map> maps;
-};
-
-void addTo(float* pixel, const glm::vec3& color)
-{
-    for (int c = 0; c < 3; ++c) pixel[c] += color[c];
-}
-
-/// Shadow rays on their way into a packet. Half of the vertices face away from a light, and late in a pass most paths have ended:
-/// packets fill up across lights. A light's rays stay in order, so its sum does not depend on the others.
-class ShadowQueue {
-public:
-    void push(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance, const glm::vec3& color, float* pixel,
-              const RayScene& scene, bool coherent)
-    {
-        const int k = count_++;
-        packet_.originX[k] = origin.x, packet_.originY[k] = origin.y, packet_.originZ[k] = origin.z;
-        packet_.directionX[k] = direction.x, packet_.directionY[k] = direction.y, packet_.directionZ[k] = direction.z;
-        packet_.nearDistance[k] = nearDistance, packet_.farDistance[k] = farDistance;
-        packet_.time[k] = 0.0f, packet_.mask[k] = ~0u, packet_.id[k] = 0, packet_.flags[k] = 0;
-        colors_[k] = color;
-        pixels_[k] = pixel;
-        if (count_ == 8) flush(scene, coherent);
-    }
-    void flush(const RayScene& scene, bool coherent)
-    {
-        if (count_ == 0) return;
-        alignas(32) int32_t valid[8];
-        for (int k = 0; k < 8; ++k) valid[k] = k < count_ ? -1 : 0;
-        scene.occluded(valid, packet_, coherent);
-        for (int k = 0; k < count_; ++k)
-            if (!(packet_.farDistance[k] < 0.0f)) addTo(pixels_[k], colors_[k]);
-        count_ = 0;
-    }
-
-private:
-    ShadowPacket packet_;
-    glm::vec3 colors_[8];
-    float* pixels_[8];
-    int count_ = 0;
 };
 
 /// Follows the 16 paths of a pass. One per thread.
@@ -346,7 +308,9 @@ void PassTracer::advance(Lane& lane, float* radiance)
         }
         v.surface = state_.surfaces->evaluate(state_.scene.mesh, hit, -lane.direction, lane.leastAlpha);
         const Body& here = state_.surfaces->body(v.surface.material);
-        const glm::vec3 straightOn = offsetPoint(v.surface.position, -v.surface.bsdf.ng);
+        v.lampBsdf = v.surface.bsdf;
+        if (here.boundary) v.lampBsdf.roughen(lane.leastAlpha); // evaluate() left it as it is
+        const glm::vec3 straightOn = v.surface.position - v.surface.bsdf.ng * state_.offset;
         if (v.surface.opacity < 1.0f && lane.rng.next() >= v.surface.opacity) {
             lane.origin = straightOn;
             continue;
@@ -392,7 +356,7 @@ glm::vec3 PassTracer::transmittance(glm::vec3 origin, const glm::vec3& direction
             left *= 1.0f - s.opacity;
             if (s.opacity >= 1.0f) return glm::vec3(0.0f);
         }
-        origin = offsetPoint(s.position, -s.bsdf.ng);
+        origin = s.position - s.bsdf.ng * state_.offset;
         distance -= hit.distance;
     }
     return glm::vec3(0.0f);
@@ -409,7 +373,7 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
         rows_.ox[i] = rows_.oy[i] = rows_.oz[i] = rows_.nx[i] = rows_.ny[i] = rows_.gx[i] = rows_.gy[i] = 0.0f;
         rows_.nz[i] = rows_.gz[i] = 1.0f;
         if (!lane.alive) continue;
-        const glm::vec3 o = v.onSurface() ? offsetPoint(v.position, v.ng) : v.position;
+        const glm::vec3 o = v.onSurface() ? v.position + v.ng * state_.offset : v.position;
         rows_.ox[i] = o.x, rows_.oy[i] = o.y, rows_.oz[i] = o.z;
         rows_.gx[i] = v.ng.x, rows_.gy[i] = v.ng.y, rows_.gz[i] = v.ng.z;
         const glm::vec3& n = v.surface.bsdf.frame.n;
@@ -443,8 +407,8 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
             const glm::vec3 w(wx[i], wy[i], wz[i]);
             if (!rows_.plain[i]) {
                 const float falloff = light.point ? sqr(0.9999f / reach[i]) : 1.0f;
-                f = v.throughput * v.evaluate(w, state_) * falloff;
-                if (v.kind == VertexKind::kSurface && glm::dot(w, v.ng) < 0.0f) origin = offsetPoint(v.position, -v.ng);
+                f = v.throughput * v.evaluateForLamp(w, state_) * falloff;
+                if (v.kind == VertexKind::kSurface && glm::dot(w, v.ng) < 0.0f) origin = v.position - v.ng * state_.offset;
             }
             if (!(f.x + f.y + f.z > 0.0f)) continue;
             ++counters.shadowRays;
@@ -470,7 +434,8 @@ void PassTracer::lightMaps(float* radiance)
             if (!map.light.sample(lane.sampler.get2((uint32_t(m + 1) << 24) + lane.vertices), &w, &value, &pdf)) continue;
             const glm::vec3 f = v.evaluate(w, state_);
             if (!(maxOf(f) > 0.0f)) continue;
-            const glm::vec3 origin = v.onSurface() ? offsetPoint(v.position, glm::dot(w, v.ng) < 0.0f ? -v.ng : v.ng) : v.position;
+            const float side = !v.onSurface() ? 0.0f : glm::dot(w, v.ng) < 0.0f ? -1.0f : 1.0f;
+            const glm::vec3 origin = v.position + v.ng * (side * state_.offset);
             glm::vec3 left(1.0f);
             ++counters.shadowRays;
             if (seeThrough) {
@@ -520,7 +485,7 @@ void PassTracer::scatter(Lane& lane)
         }
         lane.pdf = v.pdf(wi, state_);
         lane.throughput *= walkExitFactor(v.surface.bsdf, glm::dot(frame.n, wi));
-        lane.origin = offsetPoint(v.position, v.ng);
+        lane.origin = v.position + v.ng * state_.offset;
     } else {
         glm::vec2 choice = lane.sampler.get2(dimension + 1);
         const float walk = v.surface.chanceSubsurface;
@@ -538,7 +503,7 @@ void PassTracer::scatter(Lane& lane)
         lane.throughput *= weight / (1.0f - walk);
         lane.pdf = pdf * (1.0f - walk);
         const bool through = glm::dot(wi, v.ng) < 0.0f;
-        lane.origin = offsetPoint(v.position, through ? -v.ng : v.ng);
+        lane.origin = v.position + v.ng * (through ? -state_.offset : state_.offset);
         if (through && state_.surfaces->body(v.surface.material).boundary) enterMedium(lane, v.surface);
     }
     lane.direction = wi;
@@ -558,7 +523,8 @@ bool PassTracer::leaveAsWalk(Lane& lane)
 {
     Vertex& v = lane.vertex;
     ++counters.walks;
-    const WalkResult walk = randomWalk(state_.rays->body(v.surface.material), v.surface.walk, v.position, v.surface.geometricNormal, lane.rng);
+    const WalkResult walk = randomWalk(state_.rays->body(v.surface.material), v.surface.walk,
+                                       v.position - v.surface.geometricNormal * state_.offset, v.surface.geometricNormal, lane.rng);
     counters.walkRays += walk.steps;
     if (walk.end != WalkEnd::kLeft) {
         counters.leaked += walk.end == WalkEnd::kLeaked;
@@ -573,36 +539,6 @@ bool PassTracer::leaveAsWalk(Lane& lane)
     v.ng = v.surface.geometricNormal;
     lane.hasVertex = true;
     return maxOf(v.throughput) > 0.0f;
-}
-
-/// Images keep only what was seen through alpha > 0; sums become means.
-struct Accumulator {
-    size_t pixels = 0, lights = 0;
-    std::vector<float> sum;        // [pixel][light][rgb], over all samples
-    std::vector<glm::vec2> shown;  // [pixel][light], over the passes: luminance as shown (1 at most) and its square
-    std::vector<float> coverage;   // [pixel], samples
-    Accumulator(size_t p, size_t l) : pixels(p), lights(l), sum(p * l * 3), shown(p * l, glm::vec2(0.0f)), coverage(p) {}
-};
-
-/// RenderStats::noise of every light after `passes` passes.
-std::vector<float> estimateNoise(const Accumulator& a, int passes)
-{
-    std::vector<double> mean(a.lights), variance(a.lights);
-    double object = 0.0;
-    const double n = passes;
-    for (size_t p = 0; p < a.pixels; ++p) {
-        if (a.coverage[p] < 0.5f * float(passes * kLanes)) continue;
-        object += 1.0;
-        for (size_t l = 0; l < a.lights; ++l) {
-            const glm::dvec2 moments = glm::dvec2(a.shown[p * a.lights + l]) / n;
-            mean[l] += moments.x;
-            if (passes > 1) variance[l] += std::max(0.0, moments.y - moments.x * moments.x) / (n - 1.0);
-        }
-    }
-    std::vector<float> noise(a.lights, passes > 1 ? 0.0f : INFINITY);
-    for (size_t l = 0; l < a.lights && passes > 1; ++l)
-        if (mean[l] > 0.0) noise[l] = float(std::sqrt(variance[l] * object) / mean[l]);
-    return noise;
 }
 
 Result<LightSet> gatherLights(std::span<const Light> lights)
@@ -644,6 +580,8 @@ Result<PathTracer> PathTracer::create(StageScene scene)
     const HairStrands& hair = state->scene.hair;
     state->fiber = makeHairFiber(hair.longitudinalRoughness, hair.azimuthalRoughness, hair.cuticleTiltRadians, hair.ior);
     state->rays = std::make_unique<RayScene>(state->scene.mesh, state->scene.hair, 0);
+    const RayScene::Body& all = state->rays->everything();
+    state->offset = 4e-6f * std::max(maxOf(glm::abs(all.lower)), maxOf(glm::abs(all.upper)));
     for (size_t i = 0; i < state->scene.mesh.materials.size(); ++i)
         if (state->surfaces->body(int(i)).scatters) state->rays->prepareBody(int(i));
     return PathTracer(std::move(state));
@@ -667,7 +605,7 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
     if (!set) return set.error();
     const size_t pixels = size_t(camera.width) * size_t(camera.height), lightCount = lights.size();
     const int passes = std::max(1, (settings.samplesPerPixel + kLanes - 1) / kLanes);
-    Accumulator sums(pixels, lightCount);
+    Film film(pixels, lightCount);
 
     // The camera is part of the seed, so that two cameras do not share their noise.
     const uint64_t key = fnv1a(&camera.worldFromCamera, sizeof camera.worldFromCamera, fnv1a(&settings.seed, sizeof settings.seed));
@@ -687,17 +625,11 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
             std::vector<float> radiance(lightCount * 3);
             for (size_t p = range.begin(); p < range.end(); ++p) {
                 const uint32_t pixelSeed = hashCombine(imageSeed, uint32_t(p));
-                float* sum = sums.sum.data() + p * lightCount * 3;
                 for (int pass = first; pass < last; ++pass) {
                     std::fill(radiance.begin(), radiance.end(), 0.0f);
                     const int x = int(p % size_t(camera.width)), y = int(p / size_t(camera.width));
-                    sums.coverage[p] += tracer.trace(camera, x, y, hashCombine(pixelSeed, uint32_t(pass)), radiance.data());
-                    for (size_t l = 0; l < lightCount; ++l) {
-                        const float* c = &radiance[3 * l];
-                        for (size_t k = 0; k < 3; ++k) sum[3 * l + k] += c[k];
-                        const float shown = std::min(1.0f, luminance({c[0], c[1], c[2]}) / kLanes);
-                        sums.shown[p * lightCount + l] += glm::vec2(shown, shown * shown);
-                    }
+                    const float hits = tracer.trace(camera, x, y, hashCombine(pixelSeed, uint32_t(pass)), radiance.data());
+                    film.add(p, radiance.data(), hits);
                 }
             }
             counters.local().add(tracer.counters);
@@ -717,23 +649,12 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
         const int next = settings.noiseTarget > 0.0f ? std::min(passes, std::max(done + done / 2, done + 4)) : passes;
         arena.execute([&] { renderPasses(done, next); });
         done = next;
-        noise = estimateNoise(sums, done);
+        noise = film.noise(done);
         if (settings.noiseTarget > 0.0f && *std::max_element(noise.begin(), noise.end()) <= settings.noiseTarget) break;
     }
     if (stopped()) return Error{ErrorCode::kCancelled, "rendering was stopped"};
 
-    std::vector<Image> images(lightCount);
-    const float scale = 1.0f / float(done * kLanes);
-    for (size_t l = 0; l < lightCount; ++l) {
-        Image& image = images[l];
-        image.width = camera.width;
-        image.height = camera.height;
-        image.rgba.resize(4 * pixels);
-        for (size_t p = 0; p < pixels; ++p) {
-            for (size_t c = 0; c < 3; ++c) image.rgba[4 * p + c] = sums.sum[3 * (p * lightCount + l) + c] * scale;
-            image.rgba[4 * p + 3] = sums.coverage[p] * scale;
-        }
-    }
+    std::vector<Image> images = film.images(camera.width, camera.height, done);
     if (stats) {
         Counters all;
         for (const Counters& c : counters) all.add(c);

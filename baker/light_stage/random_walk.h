@@ -21,12 +21,11 @@ struct WalkResult {
     uint64_t steps = 0;
 };
 
-/// `normal`: geometric, outward, unit.
+/// `entry`: just beneath the surface; `normal`: geometric, outward, unit.
 inline WalkResult randomWalk(const RayScene::Body& body, const Medium& medium, const glm::vec3& entry, const glm::vec3& normal, Rng& rng)
 {
     WalkResult walk;
-    const float size = std::max({std::fabs(entry.x), std::fabs(entry.y), std::fabs(entry.z), 0.05f});
-    glm::vec3 p = entry - normal * (4e-6f * size);
+    glm::vec3 p = entry;
     glm::vec3 d = Frame::around(-normal).toWorld(sampleCosine(rng.next2()));
     while (walk.steps < kMaxWalkSteps) {
         const DistanceSampler distances(medium, walk.weight);

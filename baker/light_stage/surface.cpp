@@ -265,6 +265,7 @@ SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, c
     const MeshMaterial& m = scene.materials[size_t(mesh.material)];
     const Body& body = bodies_[size_t(mesh.material)];
     const Corner corner(mesh, hit);
+    if (body.boundary) leastAlpha = kMinAlpha;
     SurfacePoint s;
     s.material = mesh.material;
     s.position = corner.at(mesh.positions);

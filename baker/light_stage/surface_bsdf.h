@@ -37,6 +37,13 @@ struct SurfaceBsdf {
     /// True when only the diffuse lobe is there: f = diffuse / pi.
     bool lambertian() const { return specular == 0.0f && metallic == 0.0f && transmission == 0.0f && coat == 0.0f; }
 
+    void roughen(float leastAlpha)
+    {
+        alphaX = std::max(alphaX, leastAlpha);
+        alphaY = std::max(alphaY, leastAlpha);
+        coatAlpha = std::max(coatAlpha, leastAlpha);
+    }
+
     glm::vec3 dielectricFresnel(float cosine) const
     {
         if (solid()) return glm::vec3(fresnelDielectric(cosine, eta));

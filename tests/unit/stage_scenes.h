@@ -169,7 +169,7 @@ inline Measured measure(const Image& image, int channel)
 }
 
 inline std::vector<Image> renderOrFail(const StageScene& scene, const Camera& camera, const std::vector<Light>& lights, int spp,
-                                       RenderStats* stats = nullptr, int threads = 0)
+                                       RenderStats* stats = nullptr, int threads = 0, float indirectRoughness = 0.0f /* exact */)
 {
     StageScene copy = scene;
     Result<PathTracer> tracer = PathTracer::create(std::move(copy));
@@ -177,7 +177,7 @@ inline std::vector<Image> renderOrFail(const StageScene& scene, const Camera& ca
     RenderSettings settings;
     settings.samplesPerPixel = spp;
     settings.threads = threads;
-    settings.indirectRoughness = 0.0f; // exact
+    settings.indirectRoughness = indirectRoughness;
     Result<std::vector<Image>> images = tracer->render(camera, lights, settings, stats);
     REQUIRE(images);
     return std::move(*images);

@@ -112,6 +112,30 @@ TEST_CASE("half space: reflectance of all three boundaries agrees with adding-do
     }
 }
 
+TEST_CASE("regularised caustics keep the light that leaves a medium")
+{
+    MeshMaterial m = lambert(glm::vec3(1.0f));
+    m.roughness = 0.15f;
+    m.specular = 1.0f;
+    StageScene scene = sceneOf({slab(300.0f, 300.0f)}, {m});
+    SubsurfaceOverride sss;
+    sss.material = "m";
+    sss.singleScatterAlbedo = glm::vec3(0.99f);
+    sss.meanFreePath = glm::vec3(1.0f);
+    sss.boundary = SubsurfaceBoundary::kDielectric;
+    scene.subsurface = {sss};
+    const MapFolder maps;
+    const Camera camera = cameraAt({0, 0, 5}, {0, 0, 0}, 16, 0.01);
+    const std::vector<Light> lights = {directionalLight({1, 0, 1}, 1), maps.constant(glm::vec3(1.0f))};
+    const std::vector<Image> exact = renderOrFail(scene, camera, lights, 512), regular = renderOrFail(scene, camera, lights, 512, nullptr, 0, 0.25f);
+    for (size_t l = 0; l < 2; ++l) {
+        const Measured a = measure(exact[l], 1), b = measure(regular[l], 1);
+        MESSAGE((l ? "environment " : "directional ") << a.mean << " +- " << a.error << ", regularised " << b.mean << " +- " << b.error);
+        CHECK(std::fabs(a.mean - b.mean) < 0.01 * a.mean + 3.5 * std::hypot(a.error, b.error));
+        if (l == 0) CHECK(b.error < 0.6 * a.error); // what it is for
+    }
+}
+
 TEST_CASE("the diffuse albedo asked for is the reflectance that a half space shows")
 {
     const MapFolder maps;
