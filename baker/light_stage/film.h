@@ -11,6 +11,9 @@
 
 namespace nacre::stage {
 
+/// The mean luminance below which an image counts as that bright: nobody waits for the last grain of a night scene.
+constexpr double kDarkestMean = 0.05;
+
 /// A pixel is added to by one thread, pass after pass, so sums do not depend on threads.
 class Film {
 public:
@@ -45,8 +48,8 @@ public:
             }
         }
         std::vector<float> noise(lights_, passes > 1 ? 0.0f : INFINITY);
-        for (size_t l = 0; l < lights_ && passes > 1; ++l)
-            if (mean[l] > 0.0) noise[l] = float(std::sqrt(variance[l] * object) / mean[l]);
+        for (size_t l = 0; l < lights_ && passes > 1 && object > 0.0; ++l)
+            noise[l] = float(std::sqrt(variance[l] / object) / std::max(mean[l] / object, kDarkestMean));
         return noise;
     }
 

@@ -66,7 +66,7 @@ constexpr int kSamplesPerPass = 16;
 
 struct RenderStats {
     int samplesPerPixel = 0;       // taken
-    std::vector<float> noise;      // per light: standard error of the object's pixels, root mean square, over their mean; of
+    std::vector<float> noise;      // per light: standard error of the object's pixels, root mean square, over their mean (0.05 at least); of
                                    // luminance as shown, 1 at most: the inside of a highlight does not count
     double seconds = 0;
     uint64_t pathRays = 0, shadowRays = 0, walkRays = 0;

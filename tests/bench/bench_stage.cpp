@@ -84,7 +84,7 @@ int main(int argc, char** argv)
     const int lightCount = argc > 2 ? std::atoi(argv[2]) : 112, size = argc > 3 ? std::atoi(argv[3]) : 256, spp = argc > 4 ? std::atoi(argv[4]) : 64;
     Result<MeshScene> mesh = readGltf(argv[1]);
     if (!mesh) return std::fprintf(stderr, "%s\n", mesh.error().message.c_str()), 1;
-    const Placement placement = placeMesh(*mesh, {0, 0, 1}, /*fit*/ true);
+    const Placement placement = placeMesh(*mesh, HairStrands{}, {0, 0, 1}, /*fit*/ true);
     transformMesh(*mesh, placement);
     StageScene asIs = sceneFrom(*mesh, false);
     asIs.unitsPerMetre = float(placement.unitsPerMetre);
