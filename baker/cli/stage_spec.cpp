@@ -3,6 +3,7 @@
 #include "base/file.h"
 #include "base/text.h"
 #include "interchange/json.h"
+#include "mesh/material_names.h"
 
 #include <algorithm>
 #include <array>
@@ -134,18 +135,9 @@ Result<std::vector<SubsurfaceOverride>> readSubsurfaceFile(const std::string& pa
 
 Status checkMaterial(const SubsurfaceOverride& o, const MeshScene& mesh)
 {
-    if (o.material == "*") return ok();
     for (size_t i = 0; i < mesh.materials.size(); ++i)
-        if (o.material == mesh.materials[i].name || (o.material.starts_with('#') && o.material.substr(1) == std::to_string(i))) return ok();
-    std::string names;
-    for (size_t i = 0; i < mesh.materials.size() && i < 20; ++i) {
-        if (i > 0) names += ", ";
-        names += '#';
-        names += std::to_string(i);
-        if (!mesh.materials[i].name.empty()) names += ' ' + inQuotes(mesh.materials[i].name);
-    }
-    if (mesh.materials.size() > 20) names += ", ...";
-    return Error{ErrorCode::kBadInput, "--sss: the mesh has no material " + inQuotes(o.material) + "; it has: " + names + " (or * for all)"};
+        if (namesMaterial(o.material, mesh, i)) return ok();
+    return Error{ErrorCode::kBadInput, "--sss: the mesh has no material " + inQuotes(o.material) + "; it has: " + listMaterials(mesh) + " (or * for all)"};
 }
 
 std::string textOf(const SubsurfaceOverride& o)

@@ -7,6 +7,7 @@
 #include "base/hash.h"
 #include "base/text.h"
 #include "light_stage/texture_sampling.h"
+#include "mesh/material_names.h"
 #include "splat/random.h"
 
 #include <algorithm>
@@ -48,15 +49,10 @@ Status checkSettings(const FurSettings& s)
 /// Which materials fur grows on.
 Result<std::vector<bool>> chooseMaterials(const MeshScene& scene, const std::string& filter)
 {
-    std::vector<bool> chosen(scene.materials.size(), filter.empty() || filter == "*");
-    for (size_t i = 0; i < chosen.size(); ++i)
-        if (filter == scene.materials[i].name || filter == "#" + std::to_string(i)) chosen[i] = true;
+    std::vector<bool> chosen(scene.materials.size());
+    for (size_t i = 0; i < chosen.size(); ++i) chosen[i] = filter.empty() || namesMaterial(filter, scene, i);
     if (std::find(chosen.begin(), chosen.end(), true) != chosen.end()) return chosen;
-    std::string names;
-    for (size_t i = 0; i < std::min<size_t>(scene.materials.size(), 12); ++i)
-        names += (i ? ", " : "") + (scene.materials[i].name.empty() ? "#" + std::to_string(i) : inQuotes(scene.materials[i].name));
-    if (scene.materials.size() > 12) names += ", ...";
-    return bad("no material " + inQuotes(filter) + "; the mesh has " + (names.empty() ? "none" : names));
+    return bad("no material " + inQuotes(filter) + "; the mesh has " + listMaterials(scene));
 }
 
 struct Triangle {

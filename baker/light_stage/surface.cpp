@@ -4,6 +4,7 @@
 #include "light_stage/surface.h"
 
 #include "light_stage/texture_sampling.h"
+#include "mesh/material_names.h"
 
 #include <algorithm>
 #include <unordered_map>
@@ -130,11 +131,6 @@ void flip(MeshScene& scene, int material)
     }
 }
 
-bool matches(const SubsurfaceOverride& o, const MeshMaterial& material, size_t index)
-{
-    return o.material == "*" || o.material == material.name || o.material == "#" + std::to_string(index);
-}
-
 glm::vec3 clampAlbedo(const glm::vec3& a) { return glm::clamp(a, 0.0f, 1.0f); }
 
 void setMedium(Body& body, const glm::vec3& sigmaT, const glm::vec3& alpha, float g)
@@ -181,15 +177,6 @@ Body bodyFromOverride(const SubsurfaceOverride& o, float unitsPerMetre)
     return body;
 }
 
-/// "'wax' (#0), 'glaze' (#1)", at most a dozen.
-std::string materialNames(const MeshScene& scene)
-{
-    std::string names;
-    for (size_t i = 0; i < scene.materials.size() && i < 12; ++i)
-        names += (i ? ", '" : "'") + scene.materials[i].name + "' (#" + std::to_string(i) + ")";
-    return names + (scene.materials.size() > 12 ? ", ..." : "");
-}
-
 } // namespace
 
 Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::string>& warnings)
@@ -200,7 +187,7 @@ Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::st
     for (const SubsurfaceOverride& o : scene.subsurface) {
         bool found = false;
         for (size_t i = 0; i < mesh.materials.size(); ++i) {
-            if (!matches(o, mesh.materials[i], i)) continue;
+            if (!namesMaterial(o.material, mesh, i)) continue;
             found = true;
             table.bodies_[i] = bodyFromOverride(o, scene.unitsPerMetre);
             MeshMaterial& m = mesh.materials[i];
@@ -215,8 +202,8 @@ Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::st
             }
         }
         if (!found)
-            return Error{ErrorCode::kBadInput, "subsurface scattering is asked for material '" + o.material +
-                                                   "', which the mesh does not have; it has: " + materialNames(mesh)};
+            return Error{ErrorCode::kBadInput, "subsurface scattering is asked for material " + inQuotes(o.material) +
+                                                   ", which the mesh does not have; it has: " + listMaterials(mesh)};
     }
 
     float size = 0.0f;
@@ -229,7 +216,7 @@ Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::st
         Body& body = table.bodies_[i];
         const bool used = std::any_of(mesh.meshes.begin(), mesh.meshes.end(), [&](const TriangleMesh& t) { return t.material == int(i); });
         if (!used) continue;
-        const std::string name = "material '" + m.name + "'";
+        const std::string name = "material " + inQuotes(m.name);
         table.seeThrough_ = table.seeThrough_ || m.alphaMode != AlphaMode::kOpaque || body.invisible;
         if (!body.scatters && !body.boundary) continue;
         if (maxOf(body.medium.sigmaT) > mostSigma) {

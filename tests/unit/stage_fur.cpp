@@ -165,7 +165,7 @@ TEST_CASE("fur grows on the chosen material only, and not where an alpha mask cu
     const auto none = growFur(scene, s);
     REQUIRE(!none);
     CHECK(none.error().message.find("'wool'") != std::string::npos);
-    CHECK(none.error().message.find("'skin', 'coat'") != std::string::npos);
+    CHECK(none.error().message.find("#0 'skin', #1 'coat'") != std::string::npos);
 }
 
 TEST_CASE("fur repeats itself for a seed and differs between seeds")

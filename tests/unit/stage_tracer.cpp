@@ -438,5 +438,5 @@ TEST_CASE("an override for a material that is not there names those that are")
     const Result<PathTracer> tracer = PathTracer::create(std::move(scene));
     REQUIRE(!tracer);
     CHECK(tracer.error().message.find("'wachs'") != std::string::npos);
-    CHECK(tracer.error().message.find("'m' (#0)") != std::string::npos);
+    CHECK(tracer.error().message.find("#0 'm'") != std::string::npos);
 }
