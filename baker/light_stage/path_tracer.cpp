@@ -59,10 +59,11 @@ struct Vertex {
     glm::vec3 position{0.0f}, ng{0, 0, 1}; // ng on the side the path came from (kSurface) or goes to (kWalkExit)
     glm::vec3 throughput{1.0f};
     SurfacePoint surface;                  // kSurface, kWalkExit
-    SurfaceBsdf lampBsdf;                  // kSurface: what lamps without size see; may be rougher
+    bool rougherForLamps = false;          // kSurface, kFiber: lamps without size see lampBsdf, lampHair instead
+    SurfaceBsdf lampBsdf;
     glm::vec3 travel{0, 0, 1};             // kPhase: direction before scattering
     int medium = -1;                       // kPhase: the medium it lies in
-    HairHit hair, lampHair;                // kFiber, with their frame: t along the fibre; the second for lamps, as lampBsdf
+    HairHit hair, lampHair;                // kFiber, with their frame: t along the fibre
     Frame fiberFrame;
     float nearDistance = 0.0f;             // kFiber: rays from here do not see what is nearer, the fibre itself
 
@@ -73,8 +74,8 @@ struct Vertex {
     glm::vec3 evaluate(const glm::vec3& wi, const PathTracer::State& state) const;
     glm::vec3 evaluateForLamp(const glm::vec3& wi, const PathTracer::State& state) const
     {
-        if (kind == VertexKind::kFiber) return hairEval(lampHair, fiberFrame.toLocal(wi));
-        return kind == VertexKind::kSurface ? lampBsdf.evaluate(wi) : evaluate(wi, state);
+        if (!rougherForLamps || kind == VertexKind::kPhase || kind == VertexKind::kWalkExit) return evaluate(wi, state);
+        return kind == VertexKind::kFiber ? hairEval(lampHair, fiberFrame.toLocal(wi)) : lampBsdf.evaluate(wi);
     }
     /// Density with which scatter() draws wi.
     float pdf(const glm::vec3& wi, const PathTracer::State& state) const;
@@ -138,7 +139,8 @@ void makeFiberVertex(const PathTracer::State& state, const RayHit& hit, const gl
     if (!(length > 1e-6f)) v.fiberFrame = {along, v.fiberFrame.t, v.fiberFrame.b};
     const glm::vec3 sigmaA = hairAbsorption(hair.colors[hit.primitive], hair.azimuthalRoughness), local = v.fiberFrame.toLocal(wo);
     v.hair = makeHairHit(state.fiber, h, sigmaA, local);
-    v.lampHair = indirect ? makeHairHit(state.indirectFiber, h, sigmaA, local) : v.hair;
+    v.rougherForLamps = indirect;
+    if (indirect) v.lampHair = makeHairHit(state.indirectFiber, h, sigmaA, local);
     v.nearDistance = 2.5f * radius; // from one side of the ribbon to the other, and a little for the bend
 }
 
@@ -314,8 +316,11 @@ void PassTracer::advance(Lane& lane, float* radiance)
         }
         v.surface = state_.surfaces->evaluate(state_.scene.mesh, hit, -lane.direction, lane.leastAlpha);
         const Body& here = state_.surfaces->body(v.surface.material);
-        v.lampBsdf = v.surface.bsdf;
-        if (here.boundary) v.lampBsdf.roughen(lane.leastAlpha); // evaluate() left it as it is
+        v.rougherForLamps = here.boundary && lane.leastAlpha > kMinAlpha; // evaluate() left it as it is
+        if (v.rougherForLamps) {
+            v.lampBsdf = v.surface.bsdf;
+            v.lampBsdf.roughen(lane.leastAlpha);
+        }
         const glm::vec3 straightOn = v.surface.position - v.surface.bsdf.ng * state_.offset;
         if (v.surface.opacity < 1.0f && lane.rng.next() >= v.surface.opacity) {
             lane.origin = straightOn;
@@ -444,11 +449,8 @@ void PassTracer::lightMaps(float* radiance)
             const glm::vec3 origin = v.position + v.ng * (side * state_.offset);
             glm::vec3 left(1.0f);
             ++counters.shadowRays;
-            if (seeThrough) {
-                left = transmittance(origin, w, v.reachFrom(), kInfinity, v.mediumAround());
-            } else {
-                if (state_.rays->occluded(origin, w, v.reachFrom(), kInfinity)) continue;
-            }
+            if (seeThrough) left = transmittance(origin, w, v.reachFrom(), kInfinity, v.mediumAround());
+            else if (state_.rays->occluded(origin, w, v.reachFrom(), kInfinity)) continue;
             const float weight = sqr(pdf) / (sqr(pdf) + sqr(v.pdf(w, state_)));
             const glm::vec3 add = v.throughput * f * value * left * (weight / pdf);
             addTo(radiance + 3 * map.image, add);

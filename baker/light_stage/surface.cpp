@@ -239,13 +239,6 @@ Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::st
     return table;
 }
 
-float SurfaceTable::opacity(const MeshScene& scene, const RayHit& hit) const
-{
-    const TriangleMesh& mesh = scene.meshes[hit.mesh];
-    const MeshMaterial& m = scene.materials[size_t(mesh.material)];
-    return m.alphaMode == AlphaMode::kOpaque ? 1.0f : opacityOf(m, Corner(mesh, hit).baseColor(scene, m).a);
-}
-
 SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, const glm::vec3& wo, float leastAlpha) const
 {
     const TriangleMesh& mesh = scene.meshes[hit.mesh];

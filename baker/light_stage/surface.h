@@ -42,8 +42,6 @@ public:
 
     const Body& body(int material) const { return bodies_[size_t(material)]; }
     bool seeThrough() const { return seeThrough_; } // some surface lets straight light through: alpha, or an index-matched boundary
-    /// Cheap part of evaluate(): opacity only.
-    float opacity(const MeshScene& scene, const RayHit& hit) const;
     /// `leastAlpha`: microfacets are at least that rough, but for the boundary of a medium: light inside meets it many times, and rough
     /// microfacets (single scattering) lose a little each time.
     SurfacePoint evaluate(const MeshScene& scene, const RayHit& hit, const glm::vec3& wo, float leastAlpha = kMinAlpha) const;
