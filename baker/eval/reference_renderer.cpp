@@ -27,6 +27,7 @@ public:
                             {c.rotations[i].w, c.rotations[i].x, c.rotations[i].y, c.rotations[i].z},
                             c.opacities[i]};
         tDir_ = asset_.find("tDir"), tInd_ = asset_.find("tInd"), rho_ = asset_.find("rho"), s_ = asset_.find("s");
+        lobe_ = asset_.find("lobe"), visibility_ = asset_.find("visibility"), shadow_ = asset_.find("shadow");
         sFunctions_ = s_ ? bigsScatterFunctions(s_->components) : 0;
     }
 
@@ -64,7 +65,10 @@ private:
     void shade(size_t splat, const View<float>& view, std::span<const Light> lights, float* color) const
     {
         const BigsCoefficients<float> g{&tDir_->values[25 * splat], &tInd_->values[75 * splat], &rho_->values[3 * splat],
-                                        s_ ? &s_->values[size_t(s_->components) * splat] : nullptr, sFunctions_};
+                                        s_ ? &s_->values[size_t(s_->components) * splat] : nullptr, sFunctions_,
+                                        lobe_ ? &lobe_->values[kBigsLobeFloats * splat] : nullptr,
+                                        visibility_ ? &visibility_->bytes[kBigsVisibilityTexels * splat] : nullptr,
+                                        shadow_ ? shadow_->values[splat] : 1.0f};
         const float* p = geometry_[splat].position;
         float y[kMaxShFunctions], a[3 * kMaxShFunctions];
         const LightSample<float> toEye = samplePointLight(view.eye, 0.0f, p);
@@ -75,7 +79,8 @@ private:
             if (light.type == LightType::kPoint) l = samplePointLight(&light.position.x, light.radius, p);
             shBasis(25, l.dir[0], l.dir[1], l.dir[2], y);
             const BigsTerms<float> t = bigsTerms(g, a, y);
-            for (int c = 0; c < 3; ++c) color[c] += light.intensity[c] * l.falloff * bigsTransport(t, c);
+            const BigsSharpTerms<float> sharp = bigsSharpTerms(g, toEye.dir, l.dir);
+            for (int c = 0; c < 3; ++c) color[c] += light.intensity[c] * l.falloff * bigsTransport(t, sharp, c);
         }
     }
 
@@ -98,7 +103,7 @@ private:
 
     const SplatAsset asset_;
     std::vector<GaussianGeometry<float>> geometry_;
-    const Channel *tDir_, *tInd_, *rho_, *s_;
+    const Channel *tDir_, *tInd_, *rho_, *s_, *lobe_, *visibility_, *shadow_;
     int sFunctions_ = 0;
     TileBuilder builder_;
     std::vector<float> colors_;

@@ -1,7 +1,7 @@
 // Neutral look by linear least squares.
 //
 // KHR colour of a splat seen along d = normalize(mean - camera): max(0, 0.5 + sum_f sh_f y_f(d)). The wanted radiance is
-// L(-d) = sum_t E_t [max(T_dir, 0) max(rho + s, 0) + max(T_ind, 0)] (bigs.h). Sampled in 64 Fibonacci directions d_k, the same
+// L(-d) is the sum over the lights in bigs.h. Sampled in 64 Fibonacci directions d_k, the same
 // for all splats, the normal equations have one matrix: sh = (Yᵀ Y)⁻¹ Yᵀ (L_k - 0.5), a fixed 16 x 64 matrix times the samples.
 #include "pack/neutral_look.h"
 
@@ -23,7 +23,8 @@ namespace {
 constexpr int kFunctions = 16, kDirections = 64, kMaxLights = 64;
 
 struct ViewSamples {
-    std::array<std::array<float, kMaxShFunctions>, kDirections> yView; // SH of the direction to the camera, -d_k
+    std::array<std::array<float, 3>, kDirections> toCamera;            // -d_k
+    std::array<std::array<float, kMaxShFunctions>, kDirections> yView; // its SH
     std::array<std::array<double, kDirections>, kFunctions> solve;     // (Yᵀ Y)⁻¹ Yᵀ
 };
 
@@ -52,6 +53,7 @@ ViewSamples makeViewSamples()
     for (size_t k = 0; k < kDirections; ++k) {
         const glm::dvec3 d = fibonacciDirection(int(k), kDirections);
         shBasis(kFunctions, d.x, d.y, d.z, y[k].data());
+        samples.toCamera[k] = {float(-d.x), float(-d.y), float(-d.z)};
         shBasis(kMaxShFunctions, float(-d.x), float(-d.y), float(-d.z), samples.yView[k].data());
     }
     Square normal{};
@@ -123,7 +125,7 @@ void sampleRadiance(const BigsCoefficients<float>& g, std::span<const Incident> 
     }
     std::array<float, 3 * kMaxShFunctions> a;
     // Transport that does not depend on the view is evaluated once per light, with an empty s.
-    const BigsCoefficients<float> withoutView{g.tDir, g.tInd, g.rho, g.s, 0};
+    const BigsCoefficients<float> withoutView{g.tDir, g.tInd, g.rho, nullptr, 0};
     std::array<BigsTerms<float>, kMaxLights> terms;
     for (size_t t = 0; t < incidents.size(); ++t) terms[t] = bigsTerms(withoutView, a.data(), yLight[t].data());
 
@@ -135,7 +137,8 @@ void sampleRadiance(const BigsCoefficients<float>& g, std::span<const Incident> 
             if (viewed.direct > 0)
                 for (int i = 0; i < g.sFunctions; ++i)
                     for (int c = 0; c < 3; ++c) viewed.scatter[c] += a[size_t(3 * i + c)] * yLight[t][size_t(i)];
-            for (int c = 0; c < 3; ++c) sum[c] += double(incidents[t].irradiance[c]) * bigsTransport(viewed, c);
+            const BigsSharpTerms<float> sharp = bigsSharpTerms(g, views.toCamera[k].data(), &incidents[t].direction.x);
+            for (int c = 0; c < 3; ++c) sum[c] += double(incidents[t].irradiance[c]) * bigsTransport(viewed, sharp, c);
         }
         radiance[k] = sum;
     }
@@ -157,7 +160,8 @@ Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Ligh
 
     static const ViewSamples views = makeViewSamples();
     const Channel &tDir = *asset.find("tDir"), &tInd = *asset.find("tInd"), &rho = *asset.find("rho");
-    const Channel* s = asset.find("s");
+    const Channel *s = asset.find("s"), *lobe = asset.find("lobe"), *visibility = asset.find("visibility"),
+                  *shadow = asset.find("shadow");
     const int sFunctions = s ? bigsScatterFunctions(s->components) : 0;
 
     NeutralLook look;
@@ -170,7 +174,9 @@ Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Ligh
             for (size_t t = 0; t < lights.size(); ++t) incidents[t] = incidentAt(lights[t], asset.cloud.positions[i]);
             const BigsCoefficients<float> g{&tDir.values[i * tDir.components], &tInd.values[i * tInd.components],
                                             &rho.values[i * rho.components], s ? &s->values[i * s->components] : nullptr,
-                                            sFunctions};
+                                            sFunctions, lobe ? &lobe->values[i * lobe->components] : nullptr,
+                                            visibility ? &visibility->bytes[i * visibility->components] : nullptr,
+                                            shadow ? shadow->values[i] : 1.0f};
             sampleRadiance(g, std::span(incidents).first(lights.size()), views, radiance);
             for (size_t f = 0; f < kFunctions; ++f) {
                 glm::dvec3 sum(0.0);

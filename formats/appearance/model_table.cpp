@@ -18,7 +18,10 @@ std::vector<AppearanceModel> makeTable()
          {{"tDir", {25}},
           {"tInd", {75}},
           {"rho", {3}},
-          {"s", {0, pairs(1), pairs(4), pairs(9), pairs(16), pairs(25)}}}}, // 0: no bidirectional part, the channel is absent
+          {"s", {0, pairs(1), pairs(4), pairs(9), pairs(16), pairs(25)}}, // 0: the channel may be absent
+          {"lobe", {0, kBigsLobeFloats}},
+          {"visibility", {0, kBigsVisibilityTexels}, ChannelType::kUnorm8},
+          {"shadow", {0, 1}}}},
     };
 }
 
@@ -81,9 +84,12 @@ Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
             return bad("channel '" + channel.name + "' has " + std::to_string(channel.components) +
                        " components per splat, accepted: " + sizesText(*spec) +
                        (sizes[0] == 0 ? " (0: leave the channel out)" : ""));
-        if (channel.values.size() != asset.cloud.count * channel.components)
-            return bad("channel '" + channel.name + "' has " + std::to_string(channel.values.size()) + " values, expected " +
-                       std::to_string(asset.cloud.count) + " splats x " + std::to_string(channel.components));
+        const bool floats = spec->type == ChannelType::kFloat;
+        const size_t stored = floats ? channel.values.size() : channel.bytes.size(), other = floats ? channel.bytes.size() : channel.values.size();
+        if (stored != asset.cloud.count * channel.components || other != 0)
+            return bad("channel '" + channel.name + "' has " + std::to_string(channel.values.size()) + " floats and " +
+                       std::to_string(channel.bytes.size()) + " bytes, expected " + std::to_string(asset.cloud.count) + " splats x " +
+                       std::to_string(channel.components) + (floats ? " floats" : " bytes"));
         if (!allFinite(channel.values.data(), channel.values.size()))
             return bad("channel '" + channel.name + "' has a value that is not finite");
     }

@@ -11,9 +11,11 @@
 namespace nacre {
 
 /// One channel of a model. `components` lists the accepted sizes (ascending), so a scene can leave out what it does not need.
+enum class ChannelType { kFloat, kUnorm8 };
 struct ChannelSpec {
     const char* name;
     std::vector<uint32_t> components;
+    ChannelType type = ChannelType::kFloat;
 };
 
 struct AppearanceModel {

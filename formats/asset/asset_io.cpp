@@ -49,7 +49,7 @@ AssetSummary summarizeAsset(const SplatAsset& asset)
     summary.channels.push_back({"geometry", count * sizeof(float) * (3 + 4 + 3 + 1)});
     summary.channels.push_back({"neutralLook", count * sizeof(float) * (3 * neutralFunctions + 4)}); // SH and COLOR_0
     for (const Channel& channel : asset.channels)
-        summary.channels.push_back({channel.name, channel.values.size() * sizeof(float)});
+        summary.channels.push_back({channel.name, channel.sizeInBytes()});
     return summary;
 }
 

@@ -21,7 +21,7 @@ static_assert(std::endian::native == std::endian::little, "glTF is little-endian
 
 constexpr const char* kSplatExtension = "KHR_gaussian_splatting";
 constexpr const char* kRelightExtension = "NACRE_gaussian_splatting_relight";
-constexpr int kRelightVersion = 1;
+constexpr int kRelightVersion = 2, kOldestRelightVersion = 1;
 constexpr const char* kLosslessProfile = "lossless";
 
 constexpr const char* kPosition = "POSITION";
@@ -30,7 +30,7 @@ constexpr const char* kRotation = "KHR_gaussian_splatting:ROTATION";
 constexpr const char* kScale = "KHR_gaussian_splatting:SCALE";
 constexpr const char* kOpacity = "KHR_gaussian_splatting:OPACITY";
 
-constexpr int kFloat = 5126;             // componentType
+constexpr int kFloat = 5126, kUnorm8 = 5121; // componentType
 constexpr size_t kMaxVertexStride = 252; // glTF 2.0, bufferView.byteStride
 
 /// Attribute of SH function i = l*l + l + m.

@@ -245,8 +245,8 @@ void checkHeader(const json& document, const SplatPrimitive& splats)
 
     const std::string where = kRelightExtension;
     const size_t version = needSize(*splats.relight, "version", where);
-    if (version != kRelightVersion)
-        unsupported(where + " has version " + std::to_string(version) + ", this build reads " + std::to_string(kRelightVersion) +
+    if (version < kOldestRelightVersion || version > kRelightVersion)
+        unsupported(where + " has version " + std::to_string(version) + ", this build reads " + std::to_string(kOldestRelightVersion) + " to " + std::to_string(kRelightVersion) +
                     (version > kRelightVersion ? "; update Nacre" : ""));
     const auto expect = [](const json& object, const char* key, const char* value, const std::string& at) {
         if (const std::string found = needString(object, key, at); found != value)
@@ -336,24 +336,27 @@ Channel readChannel(const json& document, std::span<const std::byte> bin, const 
     Channel channel;
     channel.name = needName(entry, "name", where);
     const std::string at = where + " (" + inQuotes(channel.name) + ")";
-    if (needSize(entry, "componentType", at) != kFloat) unsupported(at + " is not float32, which the lossless profile demands");
+    const size_t type = needSize(entry, "componentType", at);
+    if (type != kFloat && type != kUnorm8) unsupported(at + " is neither float32 nor uint8, which the lossless profile demands");
+    const size_t width = type == kFloat ? 4 : 1;
     size_t total = 0;
     for (const Channel& other : previous) {
         if (other.name == channel.name) bad(at + " occurs twice");
-        total += other.values.size() * sizeof(float);
+        total += other.sizeInBytes();
     }
     const size_t components = needSize(entry, "components", at);
     const View view = bufferView(document, bin, needSize(entry, "bufferView", at));
-    const size_t available = view.bytes.size() / 4; // floats; dividing keeps the products below from overflowing
-    if (components == 0 || components > available / count || view.bytes.size() != 4 * count * components)
+    const size_t available = view.bytes.size() / width; // dividing keeps the products below from overflowing
+    if (components == 0 || components > available / count || view.bytes.size() != width * count * components)
         bad(at + " has " + std::to_string(view.bytes.size()) + " bytes, expected " + std::to_string(count) + " splats x " +
-            std::to_string(components) + " floats");
+            std::to_string(components) + (type == kFloat ? " floats" : " bytes"));
     if (view.bytes.size() > bin.size() - total)
         bad(at + " and the channels before it need " + std::to_string(total + view.bytes.size()) + " bytes, the binary chunk has " +
             std::to_string(bin.size()) + " (channels must not share bytes)");
     channel.components = uint32_t(components);
-    channel.values.resize(count * components);
-    std::memcpy(channel.values.data(), view.bytes.data(), view.bytes.size());
+    if (type == kFloat) channel.values.resize(count * components);
+    else channel.bytes.resize(count * components);
+    std::memcpy(type == kFloat ? static_cast<void*>(channel.values.data()) : channel.bytes.data(), view.bytes.data(), view.bytes.size());
     return channel;
 }
 

@@ -135,12 +135,13 @@ private:
     {
         Value::Array channels;
         for (const Channel& channel : asset_.channels) {
-            const size_t bytes = channel.values.size() * sizeof(float);
+            const bool floats = channel.bytes.empty();
+            const size_t bytes = channel.sizeInBytes();
             const int view = addView(channel.name, bytes, 0);
-            std::memcpy(floatsOf(view), channel.values.data(), bytes);
+            std::memcpy(floatsOf(view), floats ? static_cast<const void*>(channel.values.data()) : channel.bytes.data(), bytes);
             channels.emplace_back(Value::Object{{"name", Value(channel.name)},
                                                 {"components", Value(int(channel.components))},
-                                                {"componentType", Value(kFloat)},
+                                                {"componentType", Value(floats ? kFloat : kUnorm8)},
                                                 {"bufferView", Value(view)}});
         }
         const Value relight(Value::Object{
@@ -212,9 +213,9 @@ private:
 /// Chunk lengths of a .glb are 32 bit and tinygltf counts some things in int; 64 MiB are kept for the JSON and the headers.
 uint64_t bufferBytes(const SplatAsset& asset)
 {
-    uint64_t floats = 3 + 4 + 3 + 1 + 4 + 3 * uint64_t(std::max(1, asset.neutral.shFunctions));
-    for (const Channel& channel : asset.channels) floats += channel.components;
-    return 4 * floats * asset.cloud.count;
+    uint64_t bytes = 4 * asset.cloud.count * (3 + 4 + 3 + 1 + 4 + 3 * uint64_t(std::max(1, asset.neutral.shFunctions)));
+    for (const Channel& channel : asset.channels) bytes += channel.sizeInBytes();
+    return bytes;
 }
 constexpr uint64_t kMaxBufferBytes = std::numeric_limits<uint32_t>::max() - (uint64_t(64) << 20);
 

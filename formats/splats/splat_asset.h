@@ -19,11 +19,15 @@ struct SplatCloud {                   // all arrays have `count` rows
     std::vector<float> opacities;     // [0, 1], already through the sigmoid
 };
 
-/// One per-splat quantity of the appearance model, row-major: values[splat * components + k].
+/// One per-splat quantity of the appearance model, row-major: [splat * components + k], in `values`, or in `bytes` (b stands for b / 255)
+/// if the model says so.
 struct Channel {
     std::string name;                 // e.g. "tDir"; unique within the asset
-    uint32_t components = 0;          // floats per splat
-    std::vector<float> values;        // count * components
+    uint32_t components = 0;          // numbers per splat
+    std::vector<float> values;        // count * components, or empty
+    std::vector<uint8_t> bytes;       // count * components, or empty
+
+    size_t sizeInBytes() const { return values.size() * sizeof(float) + bytes.size(); }
 };
 
 /// KHR_gaussian_splatting look under one fixed light, for viewers that cannot relight. Linear Rec.709.

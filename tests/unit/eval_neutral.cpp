@@ -63,7 +63,10 @@ glm::dvec3 radiance(const SplatAsset& asset, size_t i, const std::vector<Light>&
     for (int f : {1, 4, 9, 16, 25})
         if (s && int(s->components) == 3 * bigsPairCount(f)) functions = f;
     const BigsCoefficients<float> g{&asset.channels[0].values[25 * i], &asset.channels[1].values[75 * i],
-                                    &asset.channels[2].values[3 * i], s ? &s->values[s->components * i] : nullptr, functions};
+                                    &asset.channels[2].values[3 * i], s ? &s->values[s->components * i] : nullptr, functions,
+                                    asset.find("lobe") ? &asset.find("lobe")->values[7 * i] : nullptr,
+                                    asset.find("visibility") ? &asset.find("visibility")->bytes[256 * i] : nullptr,
+                                    asset.find("shadow") ? asset.find("shadow")->values[i] : 1.0f};
     float yView[25], yLight[25], a[75];
     shBasis(25, wo.x, wo.y, wo.z, yView);
     bigsContractView(g, yView, a);
@@ -77,7 +80,7 @@ glm::dvec3 radiance(const SplatAsset& asset, size_t i, const std::vector<Light>&
         }
         shBasis(25, w.x, w.y, w.z, yLight);
         const BigsTerms<float> t = bigsTerms(g, a, yLight);
-        for (int c = 0; c < 3; ++c) sum[c] += double(e[c]) * bigsTransport(t, c);
+        for (int c = 0; c < 3; ++c) sum[c] += double(e[c]) * bigsTransport(t, bigsSharpTerms(g, &wo.x, &w.x), c);
     }
     return sum;
 }

@@ -32,8 +32,8 @@ std::string decodeError(std::span<const std::byte> bytes)
 
 bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 
-const std::string kGolden = std::string(NACRE_SOURCE_DIR) + "/tests/golden/asset_v1.glb";
-SplatAsset goldenAsset() { return makeAsset(3, 4, 9); }
+const std::string kGolden = std::string(NACRE_SOURCE_DIR) + "/tests/golden/asset_v";
+SplatAsset goldenAsset(int version) { return makeAsset(3, 4, 9, /*sharp*/ version >= 2); }
 
 } // namespace
 
@@ -107,21 +107,24 @@ TEST_CASE("fallback colour is the clamped linear colour of the constant SH term,
     CHECK(rgba[3] == asset.cloud.opacities[1]);
 }
 
-TEST_CASE("v1 golden file still decodes")
+TEST_CASE("golden files of every version still decode")
 {
-    const auto bytes = readFile(kGolden);
-    REQUIRE_MESSAGE(bytes, (bytes ? "" : bytes.error().message));
-    const auto asset = decodeAsset(*bytes);
-    REQUIRE_MESSAGE(asset, (asset ? "" : asset.error().message));
-    CHECK(identical(*asset, goldenAsset()));
+    for (int version : {1, 2}) {
+        const auto bytes = readFile(kGolden + std::to_string(version) + ".glb");
+        REQUIRE_MESSAGE(bytes, (bytes ? "" : bytes.error().message));
+        const auto asset = decodeAsset(*bytes);
+        REQUIRE_MESSAGE(asset, (asset ? "" : asset.error().message));
+        CHECK(identical(*asset, goldenAsset(version)));
+        if (version == 2) CHECK(encoded(*asset) == *bytes); // the current version is also written as it was
+    }
 }
 
 // Only for a new format version: test_formats --no-skip -tc="write the golden file"
-TEST_CASE("write the golden file" * doctest::skip()) { REQUIRE(writeAsset(goldenAsset(), kGolden)); }
+TEST_CASE("write the golden file" * doctest::skip()) { REQUIRE(writeAsset(goldenAsset(2), kGolden + "2.glb")); }
 
 TEST_CASE("asset cut at every prefix is an error")
 {
-    const std::vector<std::byte> bytes = encoded(makeAsset(2, 1, 1));
+    const std::vector<std::byte> bytes = encoded(makeAsset(2, 1, 1, true));
     for (size_t n = 0; n < bytes.size(); ++n) {
         const std::vector<std::byte> prefix(bytes.begin(), bytes.begin() + ptrdiff_t(n)); // own allocation: ASan sees overreads
         if (decodeError(prefix).empty()) FAIL("accepted the first " << n << " of " << bytes.size() << " bytes");
@@ -142,7 +145,7 @@ TEST_CASE("asset cut at every prefix, with GLB lengths that agree, is an error")
 
 TEST_CASE("flipping any byte gives an error or a valid asset")
 {
-    const std::vector<std::byte> original = encoded(makeAsset(2, 1, 1));
+    const std::vector<std::byte> original = encoded(makeAsset(2, 1, 1, true));
     for (size_t i = 0; i < original.size(); ++i)
         for (const int mask : {0x01, 0x80, 0xff}) {
             std::vector<std::byte> bytes = original;
@@ -189,7 +192,7 @@ TEST_CASE("counts, lengths and offsets that lie are refused")
         for (const char* field : {"components", "componentType"})
             refuses(field, [&](GlbParts& g) { g.relight()["channels"][1][field] = n; });
         if (n != json(0)) refuses("buffer", [&](GlbParts& g) { g.json["bufferViews"][0]["buffer"] = n; });
-        if (n != json(1)) refuses("version", [&](GlbParts& g) { g.relight()["version"] = n; });
+        if (n != json(1) && n != json(2)) refuses("version", [&](GlbParts& g) { g.relight()["version"] = n; });
         if (n != json(0)) refuses("mode", [&](GlbParts& g) { g.primitive()["mode"] = n; });
         if (n != json(0) && n != json(1)) // a prefix of the coefficients is a smaller look, not a lie
             if (n != json(4)) refuses("neutralFunctions", [&](GlbParts& g) { g.relight()["neutralFunctions"] = n; });
@@ -230,7 +233,7 @@ TEST_CASE("channels that share bytes are refused before they are copied")
 
 TEST_CASE("every property the reader needs is missed when it is gone, and no wrong type crashes it")
 {
-    const std::vector<std::byte> original = encoded(makeAsset(2, 1, 1));
+    const std::vector<std::byte> original = encoded(makeAsset(2, 1, 1, true));
     // Walks the tree and edits one node at a time.
     std::vector<json::json_pointer> paths;
     const std::function<void(const json&, const json::json_pointer&)> walk = [&](const json& node, const json::json_pointer& at) {
@@ -292,7 +295,7 @@ TEST_CASE("files that are no Nacre assets say what they are")
     };
     CHECK(contains(messageAfter([](GlbParts& g) { g.splatting().erase("extensions"); }), "without Nacre relighting data"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.primitive().erase("extensions"); }), "without Gaussian splats"));
-    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["version"] = 2; }), "update Nacre"));
+    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["version"] = 3; }), "update Nacre"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["model"] = "nerf"; }), "unknown appearance model 'nerf'"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.json["extensionsRequired"] = {"EXT_meshopt_compression"}; }),
                    "EXT_meshopt_compression"));

@@ -2,6 +2,8 @@
 #include "formats_fixtures.h"
 
 #include "base/file.h"
+#include "appearance/bigs/bigs.h"
+#include "base/fibonacci_sphere.h"
 #include "base/spherical_harmonics.h"
 
 #include <doctest/doctest.h>
@@ -188,7 +190,12 @@ TEST_CASE("asset check names what is wrong")
     refuses("'extra' does not belong", [](SplatAsset& a) { a.channels[0].name = "extra"; });
     refuses("accepted: 0, 3, 30, 135, 408, 975", [](SplatAsset& a) { a.channels[3].components = 31; });
     refuses("'s' has 0 components", [](SplatAsset& a) { a.channels[3] = {"s", 0, {}}; });
-    refuses("'tDir' has 74 values", [](SplatAsset& a) { a.channels[0].values.pop_back(); });
+    refuses("'visibility' has 0 floats and 767 bytes", [](SplatAsset& a) {
+        a = makeAsset(3, 4, 4, true);
+        a.channels[a.channels.size() - 2].bytes.pop_back();
+    });
+    refuses("'rho' has 9 floats and 1 bytes", [](SplatAsset& a) { a.channels[2].bytes.push_back(0); });
+    refuses("'tDir' has 74 floats", [](SplatAsset& a) { a.channels[0].values.pop_back(); });
     refuses("SH functions", [](SplatAsset& a) { a.neutral.shFunctions = 5; });
     refuses("coefficients", [](SplatAsset& a) { a.neutral.sh.pop_back(); });
 }
@@ -262,4 +269,53 @@ TEST_CASE("fewer spherical harmonics are a prefix")
         shBasis(count, 0.48, -0.6, 0.64, some);
         for (int i = 0; i < kMaxShFunctions; ++i) CHECK(some[i] == (i < count ? all[i] : 777.0));
     }
+}
+
+TEST_CASE("visibility map: texel centres, seams and slope")
+{
+    // A map that holds the height z of its texels' directions, wide enough a ramp that the slope does not clip it.
+    const auto direction = [](int i, int j, double out[3]) {
+        const double u = (i + 0.5) / 8 - 1, v = (j + 0.5) / 8 - 1, z = 1 - std::abs(u) - std::abs(v);
+        out[0] = z >= 0 ? u : (1 - std::abs(v)) * (u < 0 ? -1 : 1), out[1] = z >= 0 ? v : (1 - std::abs(u)) * (v < 0 ? -1 : 1), out[2] = z;
+        const double length = std::sqrt(out[0] * out[0] + out[1] * out[1] + z * z);
+        for (int k = 0; k < 3; ++k) out[k] /= length;
+    };
+    std::vector<uint8_t> map(kBigsVisibilityTexels);
+    const auto stored = [](const double* d) { return 0.5 + 0.15 * d[0] - 0.07 * d[1] + 0.09 * d[2]; };
+    for (int j = 0; j < 16; ++j)
+        for (int i = 0; i < 16; ++i) {
+            double d[3];
+            direction(i, j, d);
+            map[size_t(16 * j + i)] = uint8_t(std::lround(255 * stored(d)));
+        }
+    // Everywhere on the sphere, seams and poles included, the bilinear value follows the smooth function.
+    for (int k = 0; k < 5000; ++k) {
+        const glm::dvec3 d = fibonacciDirection(k, 5000);
+        const double expected = 0.5 + kBigsVisibilitySlope * (stored(&d.x) - 0.5);
+        CAPTURE(k);
+        CHECK(std::abs(bigsVisibility(map.data(), &d.x) - expected) < 0.04); // bilinear error of a degree-1 function on texels of up to 15 degrees
+    }
+    for (const glm::dvec3& axis : {glm::dvec3(1, 0, 0), glm::dvec3(-1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, -1, 0), glm::dvec3(0, 0, -1)})
+        CHECK(std::abs(bigsVisibility(map.data(), &axis.x) - (0.5 + kBigsVisibilitySlope * (stored(&axis.x) - 0.5))) < 0.03);
+    const double up[3] = {0, 0, 1};
+    CHECK(bigsVisibility(std::vector<uint8_t>(256, 255).data(), up) == 1.0);
+    CHECK(bigsVisibility(std::vector<uint8_t>(256, 0).data(), up) == 0.0);
+}
+
+TEST_CASE("lobe: peak at the mirror direction, reciprocal up to the facing term, none from behind, finite for any input")
+{
+    const double lobe[7] = {0, 0, 1, 200, 1, 1, 1};
+    for (int k = 0; k < 500; ++k) {
+        const glm::dvec3 wi = fibonacciDirection(k, 500), wo = fibonacciDirection((k * 37) % 500, 500), mirror(-wi.x, -wi.y, wi.z);
+        const double value = bigsLobe(lobe, &wo.x, &wi.x), peak = bigsLobe(lobe, &mirror.x, &wi.x);
+        CHECK(value >= 0);
+        CHECK(value <= 1);
+        if (wi.z <= 0) CHECK(value == 0);
+        if (wi.z > 0.25) CHECK(peak == doctest::Approx(1));
+        if (wi.z > 0.25 && wo.z > 0.25) CHECK(value == doctest::Approx(bigsLobe(lobe, &wi.x, &wo.x)));
+        const glm::dvec3 away = -wi;
+        CHECK(bigsLobe(lobe, &away.x, &wi.x) == 0);
+    }
+    const double wild[7] = {30, -4, 8, -1e9, 1, 1, 1}, w[3] = {0.6, 0, 0.8}, v[3] = {0, 0.6, 0.8};
+    CHECK(std::isfinite(bigsLobe(wild, w, v)));
 }

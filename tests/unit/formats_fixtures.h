@@ -13,9 +13,9 @@
 
 namespace nacre::test {
 
-/// `sFunctions`: 0, 1, 4, 9, 16, 25; `neutralFunctions`: 0, 1, 4, 9, 16. All values are multiples of 1/64 (exact in f32 and
+/// `sharp`: with lobe and visibility. `sFunctions`: 0, 1, 4, 9, 16, 25; `neutralFunctions`: 0, 1, 4, 9, 16. All values are multiples of 1/64 (exact in f32 and
 /// text).
-inline SplatAsset makeAsset(size_t count, int sFunctions, int neutralFunctions)
+inline SplatAsset makeAsset(size_t count, int sFunctions, int neutralFunctions, bool sharp = false)
 {
     const auto value = [](size_t i) { return float(int(i * 37 % 129) - 64) / 64.0f; };
     SplatAsset asset;
@@ -30,7 +30,7 @@ inline SplatAsset makeAsset(size_t count, int sFunctions, int neutralFunctions)
         asset.cloud.opacities.push_back(float(i % 65) / 64.0f);
     }
     const auto addChannel = [&](const char* name, uint32_t components) {
-        Channel channel{name, components, {}};
+        Channel channel{name, components, {}, {}};
         for (size_t i = 0; i < count * components; ++i) channel.values.push_back(value(i + components));
         asset.channels.push_back(std::move(channel));
     };
@@ -38,6 +38,15 @@ inline SplatAsset makeAsset(size_t count, int sFunctions, int neutralFunctions)
     addChannel("tInd", 75);
     addChannel("rho", 3);
     if (sFunctions > 0) addChannel("s", uint32_t(3 * sFunctions * (sFunctions + 1) / 2));
+    if (sharp) {
+        Channel lobe{"lobe", 7, {}, {}}, visibility{"visibility", 256, {}, {}}, shadow{"shadow", 1, {}, {}};
+        for (size_t i = 0; i < count; ++i) lobe.values.insert(lobe.values.end(), {0.6f, 0.0f, 0.8f, float(4 << i % 8), 0.25f, 0.5f, float(i)});
+        for (size_t i = 0; i < 256 * count; ++i) visibility.bytes.push_back(uint8_t(i * 37 % 251));
+        asset.channels.push_back(std::move(lobe));
+        for (size_t i = 0; i < count; ++i) shadow.values.push_back(float(64 - i % 65) / 64.0f);
+        asset.channels.push_back(std::move(visibility));
+        asset.channels.push_back(std::move(shadow));
+    }
     asset.neutral.shFunctions = neutralFunctions;
     for (size_t i = 0; i < count * size_t(neutralFunctions); ++i)
         asset.neutral.sh.emplace_back(value(i), value(i + 5), value(i + 11));
@@ -60,7 +69,7 @@ inline bool identical(const SplatAsset& a, const SplatAsset& b)
                 a.channels.size() == b.channels.size();
     for (size_t i = 0; same && i < a.channels.size(); ++i)
         same = a.channels[i].name == b.channels[i].name && a.channels[i].components == b.channels[i].components &&
-               sameBits(a.channels[i].values, b.channels[i].values);
+               sameBits(a.channels[i].values, b.channels[i].values) && sameBits(a.channels[i].bytes, b.channels[i].bytes);
     return same;
 }
 

@@ -120,7 +120,11 @@ inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 e
     const std::vector<double> tDir = row("tDir"), tInd = row("tInd"), rho = row("rho"), s = row("s");
     int functions = 0;
     while (3 * bigsPairCount(functions) < int(s.size())) ++functions;
-    const BigsCoefficients<double> k{tDir.data(), tInd.data(), rho.data(), s.data(), functions};
+    const std::vector<double> lobe = row("lobe");
+    const Channel* visibility = asset.find("visibility");
+    const BigsCoefficients<double> k{tDir.data(), tInd.data(), rho.data(), s.data(), functions, lobe.empty() ? nullptr : lobe.data(),
+                                     visibility ? &visibility->bytes[g * kBigsVisibilityTexels] : nullptr,
+                                     asset.find("shadow") ? double(asset.find("shadow")->values[g]) : 1.0};
     const glm::dvec3 mean = asset.cloud.positions[g], out = glm::length(eye - mean) > 0 ? glm::normalize(eye - mean) : glm::dvec3(0, 0, 1);
     double y[25], a[75];
     shBasis(25, out.x, out.y, out.z, y);
@@ -131,7 +135,7 @@ inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 e
         const LightSample<double> w = sampleLight(light, p);
         shBasis(25, w.dir[0], w.dir[1], w.dir[2], y);
         const BigsTerms<double> terms = bigsTerms(k, a, y);
-        for (int c = 0; c < 3; ++c) color[c] += double(light.intensity[c]) * w.falloff * bigsTransport(terms, c);
+        for (int c = 0; c < 3; ++c) color[c] += double(light.intensity[c]) * w.falloff * bigsTransport(terms, bigsSharpTerms(k, &out.x, w.dir), c);
     }
     return color;
 }

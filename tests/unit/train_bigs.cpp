@@ -68,7 +68,7 @@ TEST_CASE("bigs gradient matches finite differences for every coefficient, with 
                 sum += positive * square(t.direct);
                 for (int c = 0; c < 3; ++c) {
                     const double excess = bigsScatteredEnergy(x.view(), dir.yLight, c) - 1;
-                    sum += weights[c] * bigsTransport(t, c) + positive * (square(t.scatter[c]) + square(t.indirect[c])) +
+                    sum += weights[c] * bigsTransport(t, {}, c) + positive * (square(t.scatter[c]) + square(t.indirect[c])) +
                            energy * (excess > 0 ? excess * excess : 0.0);
                 }
                 return sum;
@@ -220,7 +220,7 @@ TEST_CASE("SIMD forward equals the scalar evaluator")
                 const double falloff = scene.falloff(i, l, yLight);
                 const BigsTerms<double> t = bigsTerms(g.view(), a, yLight);
                 for (int c = 0; c < 3; ++c) {
-                    const double expected = scene.lit.lights[l].intensity[c] * falloff * bigsTransport(t, c);
+                    const double expected = scene.lit.lights[l].intensity[c] * falloff * bigsTransport(t, {}, c);
                     const double bound = scene.lit.lights[l].intensity[c] * falloff;
                     CAPTURE(i);
                     CHECK(std::abs(colors[scene.visibleFromSplat[i] * 16 + 3 * l + c] - expected) < 2e-5 * (bound + std::abs(expected))); // f32 sums of up to 650 terms

@@ -40,6 +40,36 @@ void shBasis(const int count, vec3 d, out float y[25])
     }
 }
 
+// bigsLobe: GGX of the half vector, 1 at its peak, without the factor min(4 n.wi, 1), which does not depend on the view.
+float bigsLobe(vec4 normalSharpness, vec3 wo, vec3 wi)
+{
+    vec3 h = wo + wi;
+    float h2 = dot(h, h), nh = max(dot(normalSharpness.xyz, h), 0.0);
+    float u = 1.0 / (1.0 + max(normalSharpness.w, 0.0) * max(1.0 - nh * nh / max(h2, 1e-12), 0.0));
+    return h2 > 1e-12 ? u * u : 0.0;
+}
+
+// bigsVisibility: where the four texels around the unit direction w lie in a splat's map, and their weights (bilinear).
+void visibilityTexels(vec3 w, out ivec4 texels, out vec4 weights)
+{
+    const int n = 16;
+    vec2 p = w.xy / (abs(w.x) + abs(w.y) + abs(w.z));
+    if (w.z < 0.0) p = (1.0 - abs(p.yx)) * vec2(w.x < 0.0 ? -1.0 : 1.0, w.y < 0.0 ? -1.0 : 1.0);
+    vec2 at = (p + 1.0) * float(n / 2) + 0.5;
+    ivec2 hi = min(ivec2(at), n);
+    vec2 f = at - vec2(hi);
+    weights = vec4((1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y);
+    for (int k = 0; k < 4; ++k) {
+        ivec2 t = hi - ivec2(1 - (k & 1), 1 - (k >> 1));
+        if (t.x < 0 || t.x >= n) t = ivec2(clamp(t.x, 0, n - 1), n - 1 - t.y);
+        if (t.y < 0 || t.y >= n) t = ivec2(n - 1 - t.x, clamp(t.y, 0, n - 1));
+        texels[k] = t.y * n + t.x;
+    }
+}
+
+// The map's value -> v: sharpened around one half.
+float sharpenVisibility(float v) { return clamp(0.5 + 2.5 * (v - 0.5), 0.0, 1.0); }
+
 // Direction to a light (xyz) and its falloff (w). `light` is in asset space: point (position, capped radius^2 in world units) or
 // directional (unit direction, -1). worldScale2 turns squared asset distances into squared world distances.
 vec4 sampleLight(vec4 light, vec3 mean, float worldScale2)

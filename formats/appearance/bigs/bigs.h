@@ -1,10 +1,15 @@
-// bigs: bidirectional Gaussian primitives (BiGS, eq. 6, 7, 9, 11), the scalar reference of the evaluator. Host and device.
+// bigs: bidirectional Gaussian primitives (BiGS, eq. 6, 7, 9, 11) with two additions for what SH of degree 4 cannot hold, hard shadows
+// and highlights. The scalar reference of the evaluator. Host and device.
 //
-//   L(w_o) = sum_t E_t * [ max(T_dir(w_t), 0) * max(rho + s(w_t, w_o), 0) + max(T_ind(w_t), 0) ]
+//   L(w_o) = sum_t E_t * [ v(w_t) * ( max(T_dir(w_t), 0) * max(rho + s(w_t, w_o), 0) + k * lobe(w_t, w_o) ) + max(T_ind(w_t), 0) ]
 //
 // w_t points from the Gaussian to light t, w_o from the Gaussian to the camera; E_t is the irradiance (rgb).
 // T_dir and T_ind are SH of degree 4 in w_t. s is a symmetric form s(w_t, w_o) = sum_ab c_ab y_a(w_t) y_b(w_o), c_ab = c_ba,
 // on the first `sFunctions` SH, stored as the pairs a <= b at b(b+1)/2 + a: fewer functions are a prefix.
+// lobe: the GGX distribution of the half vector about the splat's normal, 1 at its peak; k is its colour there (bigsLobe).
+// v: transmittance of the other splats towards the light, an octahedral map of 16 x 16 texels (bigsVisibility), made weaker by
+// `shadow`, 0 to 1, where light seeps in (v = 1 - shadow (1 - map)).
+// s, lobe (k = 0), visibility (v = 1) and shadow (1) are left out of assets that do not need them.
 // Linear in light: every clamp is per light and before the product with E_t.
 #pragma once
 
@@ -16,6 +21,11 @@
 namespace nacre {
 
 constexpr int kBigsTransportFunctions = 25;
+constexpr int kBigsLobeFloats = 7;         // unit normal, sharpness 1/alpha^2 - 1 of GGX, k rgb
+constexpr int kBigsVisibilitySize = 16;    // texels per side
+constexpr int kBigsVisibilityTexels = kBigsVisibilitySize * kBigsVisibilitySize;
+constexpr float kBigsVisibilitySlope = 2.5f;
+constexpr float kBigsLobeFacing = 4.0f;
 
 NACRE_HD constexpr int bigsPairCount(int sFunctions) { return sFunctions * (sFunctions + 1) / 2; }
 /// How many functions of s a channel of `components` floats per splat holds; 0 if it is none of the accepted sizes.
@@ -35,6 +45,9 @@ struct BigsCoefficients {
     const T* rho;   // [3], in [0, 1]
     const T* s;     // [pairs][3]
     int sFunctions; // 0, 1, 4, 9, 16 or 25
+    const T* lobe = nullptr;             // [7], or null
+    const uint8_t* visibility = nullptr; // [16][16], or null
+    T shadow = T(1);
 };
 
 /// View contraction: a[i][c] = sum_j c_ij,c y_j(w_o). Once per view; then a light costs one dot product.
@@ -71,15 +84,82 @@ NACRE_HD inline BigsTerms<T> bigsTerms(const BigsCoefficients<T>& g, const T* a,
     return t;
 }
 
+/// GGX about the normal, of the half vector between the unit directions wo and wi, scaled to 1 at its peak:
+/// 1 / (1 + sharpness (1 - (n.h)^2))^2, times min(4 n.wi, 1): no highlight from behind. 0 where there is no half vector.
+template <class T>
+NACRE_HD inline T bigsLobe(const T* normalAndSharpness, const T* wo, const T* wi)
+{
+    const T* n = normalAndSharpness;
+    T h[3], length2 = T(0), nh = T(0), facing = T(0);
+    for (int k = 0; k < 3; ++k) h[k] = wo[k] + wi[k], length2 += h[k] * h[k], nh += n[k] * h[k], facing += n[k] * wi[k];
+    if (!(length2 > T(1e-12)) || !(facing > T(0))) return T(0);
+    const T cosine2 = nh > T(0) ? nh * nh / length2 : T(0);
+    const T u = T(1) / (T(1) + (n[3] > T(0) ? n[3] : T(0)) * (cosine2 < T(1) ? T(1) - cosine2 : T(0)));
+    const T front = T(kBigsLobeFacing) * facing;
+    return u * u * (front < T(1) ? front : T(1));
+}
+
+/// Texel (i, j) of an octahedral map, one step over the border allowed: the map continues mirrored on the same edge.
+NACRE_HD inline int bigsVisibilityTexel(int i, int j)
+{
+    constexpr int n = kBigsVisibilitySize;
+    if (i < 0 || i >= n) i = i < 0 ? 0 : n - 1, j = n - 1 - j;
+    if (j < 0 || j >= n) j = j < 0 ? 0 : n - 1, i = n - 1 - i;
+    return j * n + i;
+}
+
+/// Transmittance towards the unit direction w. The map holds means over its texels, so across the edge of a hard shadow the bilinear
+/// value is a ramp of about two texels: the slope sharpens it around one half.
+template <class T>
+NACRE_HD inline T bigsVisibility(const uint8_t* map, const T* w)
+{
+    const T ax = w[0] < T(0) ? -w[0] : w[0], ay = w[1] < T(0) ? -w[1] : w[1], az = w[2] < T(0) ? -w[2] : w[2];
+    const T inv = T(1) / (ax + ay + az);
+    T u = w[0] * inv, v = w[1] * inv;
+    if (w[2] < T(0)) { // the lower half folds outwards
+        const T foldedU = (T(1) - ay * inv) * (w[0] < T(0) ? T(-1) : T(1));
+        v = (T(1) - ax * inv) * (w[1] < T(0) ? T(-1) : T(1));
+        u = foldedU;
+    }
+    constexpr int n = kBigsVisibilitySize;
+    const T x = (u + T(1)) * T(n / 2) + T(0.5), y = (v + T(1)) * T(n / 2) + T(0.5); // texel centres at whole numbers 1..n
+    int i = int(x), j = int(y);
+    i = i < n ? i : n, j = j < n ? j : n;
+    const T fx = x - T(i), fy = y - T(j);
+    const T lower = (T(1) - fx) * T(map[bigsVisibilityTexel(i - 1, j - 1)]) + fx * T(map[bigsVisibilityTexel(i, j - 1)]);
+    const T upper = (T(1) - fx) * T(map[bigsVisibilityTexel(i - 1, j)]) + fx * T(map[bigsVisibilityTexel(i, j)]);
+    const T value = T(0.5) + T(kBigsVisibilitySlope) * (((T(1) - fy) * lower + fy * upper) * T(1.0 / 255) - T(0.5));
+    return value < T(0) ? T(0) : value > T(1) ? T(1) : value;
+}
+
+/// What depends on the directions beyond their SH: v and k * lobe.
+template <class T>
+struct BigsSharpTerms {
+    T visible = T(1);
+    T lobe[3] = {T(0), T(0), T(0)};
+};
+
+template <class T>
+NACRE_HD inline BigsSharpTerms<T> bigsSharpTerms(const BigsCoefficients<T>& g, const T* wo, const T* wi)
+{
+    BigsSharpTerms<T> t;
+    if (g.visibility) t.visible = T(1) - g.shadow * (T(1) - bigsVisibility(g.visibility, wi));
+    if (g.lobe) {
+        const T shape = bigsLobe(g.lobe, wo, wi);
+        for (int c = 0; c < 3; ++c) t.lobe[c] = g.lobe[4 + c] * shape;
+    }
+    return t;
+}
+
 /// Radiance towards the camera per unit irradiance, one channel.
 template <class T>
-NACRE_HD inline T bigsTransport(const BigsTerms<T>& t, int c)
+NACRE_HD inline T bigsTransport(const BigsTerms<T>& t, const BigsSharpTerms<T>& sharp, int c)
 {
     const T zero = T(0);
     const T direct = t.direct > zero ? t.direct : zero;
     const T scatter = t.scatter[c] > zero ? t.scatter[c] : zero;
     const T indirect = t.indirect[c] > zero ? t.indirect[c] : zero;
-    return direct * scatter + indirect;
+    return sharp.visible * (direct * scatter + sharp.lobe[c]) + indirect;
 }
 
 } // namespace nacre
