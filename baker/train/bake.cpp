@@ -6,6 +6,7 @@
 #include "base/hash.h"
 #include "splat/random.h"
 #include "train/checkpoint.h"
+#include "train/data_check.h"
 #include "train/trainer.h"
 #include "train/training_images.h"
 
@@ -108,8 +109,7 @@ private:
     Status resume();
     Status train();
     double progress() const;
-    Status checkLights(const VisualHull& hull);
-    Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, bool* anyBackground);
+    Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, Silhouettes* silhouettes);
     Result<LossStats> trainStep(const Trainer::Moment& moment);
     double pace(double progress) const;
     Status track();
@@ -163,13 +163,13 @@ void Bake::report(const char* stage, double progress)
     report_({stage, state_.step, byTime_ ? 0 : iterations_, seconds, left, trainer_ ? int(trainer_->count()) : 0, recentPsnr_});
 }
 
-// Where each camera sees the object. `*anyBackground` is false if the images have no coverage: opaque captures.
-Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& cameras, bool* anyBackground)
+// Where each camera sees the object.
+Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& cameras, Silhouettes* silhouettes)
 {
     std::vector<CameraImages> groups = groupByCamera(*train_);
     const size_t stride = (groups.size() + kHullCameras - 1) / kHullCameras;
     std::vector<std::vector<uint8_t>> masks;
-    *anyBackground = false;
+    bool anyObject = false, anyBackground = false;
     for (size_t k = 0; k < groups.size(); k += stride) {
         if (cancelled()) return Error{ErrorCode::kCancelled, "cancelled before training started"};
         if (now() - lastReport_ > 0.5) report("loading", 0);
@@ -179,37 +179,13 @@ Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& c
         std::vector<uint8_t> mask(pixels);
         for (size_t i = 0; i < pixels; ++i) {
             mask[i] = (*image)->planes[3 * pixels + i] >= 32768; // alpha 0.5
-            *anyBackground = *anyBackground || !mask[i];
+            (mask[i] ? anyObject : anyBackground) = true;
         }
         masks.push_back(std::move(mask));
         cameras.push_back(train_->cameras[groups[k].camera]);
     }
+    *silhouettes = !anyBackground ? Silhouettes::kOpaque : !anyObject ? Silhouettes::kEmpty : Silhouettes::kGood;
     return masks;
-}
-
-// A light inside the object has no direction that its splats could agree on: that is a mistake in the data.
-Status Bake::checkLights(const VisualHull& hull)
-{
-    if (hull.surface.empty()) return ok();
-    for (const OlatImage& image : train_->images) {
-        if (image.light.type != LightType::kPoint) continue;
-        size_t voxel[3];
-        bool inGrid = true;
-        for (int k = 0; k < 3; ++k) {
-            const float u = (image.light.position[k] - hull.center[k] + hull.halfSize) / (2 * hull.halfSize) * float(hull.resolution);
-            inGrid = inGrid && u >= 0 && u < float(hull.resolution);
-            voxel[k] = inGrid ? size_t(u) : 0;
-        }
-        const size_t n = size_t(hull.resolution);
-        if (!inGrid || !hull.inside[(voxel[2] * n + voxel[1]) * n + voxel[0]]) continue;
-        const std::string what = image.path + ": its light at (" + std::to_string(image.light.position.x) + ", " +
-                                 std::to_string(image.light.position.y) + ", " + std::to_string(image.light.position.z) +
-                                 ") lies inside the object's silhouettes; check units and axes of the light positions";
-        if (!touchesBorder(hull)) return Error{ErrorCode::kBadInput, what};
-        result_.warnings.push_back(what + " (or it is hidden behind the object from all cameras)");
-        return ok();
-    }
-    return ok();
 }
 
 Status Bake::prepare()
@@ -245,20 +221,22 @@ Status Bake::prepare()
     images_ = std::make_unique<TrainingImages>(dataset_, *train_, options_.imageBudgetBytes);
     order_ = std::make_unique<StepOrder>(std::move(groups), options_.seed);
     std::vector<Camera> cameras;
-    bool anyBackground = false;
-    auto masks = loadMasks(cameras, &anyBackground);
+    Silhouettes silhouettes = Silhouettes::kGood;
+    auto masks = loadMasks(cameras, &silhouettes);
     if (!masks) return masks.error();
+    auto warnings = checkTrainingData(dataset_, *train_, silhouettes);
+    if (!warnings) return warnings.error();
+    result_.warnings = std::move(*warnings);
     report("hull", 0);
     VisualHull hull;
-    if (anyBackground) {
+    if (silhouettes == Silhouettes::kGood) {
         hull = carveVisualHull(cameras, *masks, kHullResolution);
         if (hull.surface.empty())
             result_.warnings.push_back("the alphas leave no visual hull: starting from random points in the common view of the cameras");
-        if (Status s = checkLights(hull); !s) return s;
+        if (Status s = checkLights(*train_, hull, result_.warnings); !s) return s;
     } else {
         frameCube(cameras, hull.center, &hull.halfSize);
         trainerOptions.loss.alphaWeight = 0;
-        result_.warnings.push_back("the images have no alpha: starting from random points and learning the background too; masks would help");
     }
     float extent = 0;
     for (const SurfacePoint& p : hull.surface)
