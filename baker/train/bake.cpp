@@ -35,7 +35,8 @@ constexpr double kInitialShare = 0.5;       // of the cap
 constexpr int kDensifyEvery = 100;          // steps, and at least one pass through the cameras
 constexpr double kDensifyFrom = 0.02, kDensifyUntil = 0.5; // of the bake
 constexpr double kGrowth = 1.06;            // per densification
-constexpr double kCheckpointSeconds = 60;
+constexpr double kCheckpointSeconds = 60, kCheckpointProgress = 0.05; // whichever comes first,
+constexpr double kCheckpointPause = 100, kCheckpointLeast = 1;         // but no sooner than this many times what the last one took, or seconds
 constexpr double kReferenceSteps = 3000;     // the learning rates are tuned for a bake of this length
 constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
 
@@ -336,7 +337,7 @@ Status Bake::train()
 {
     resumedStep_ = state_.step;
     startedProgress_ = progress();
-    double lastCheckpoint = now(), psnrSum = 0;
+    double lastCheckpoint = now(), lastCheckpointAt = startedProgress_, checkpointTook = 0, psnrSum = 0;
     int psnrCount = 0;
     LossStats pass; // since the last whole pass through the cameras
     const int watch = std::max(kDensifyEvery, int(order_->passLength()));
@@ -370,13 +371,16 @@ Status Bake::train()
             state_.stepsSinceReset = 0;
         }
         if (now() - lastReport_ > 0.5) report("training", at);
-        if (now() - lastCheckpoint > kCheckpointSeconds) {
+        const double sinceCheckpoint = now() - lastCheckpoint;
+        if ((sinceCheckpoint > kCheckpointSeconds || at - lastCheckpointAt > kCheckpointProgress) &&
+            sinceCheckpoint > std::max(kCheckpointLeast, kCheckpointPause * checkpointTook)) {
+            const double before = now();
             // A bake that could still end well does not die of a checkpoint that could not be written.
             if (Status s = checkpoint(); !s && !checkpointFailed_) {
                 checkpointFailed_ = true;
                 result_.warnings.push_back("no checkpoint at step " + std::to_string(state_.step) + ": " + s.error().message);
             }
-            lastCheckpoint = now();
+            lastCheckpoint = now(), lastCheckpointAt = at, checkpointTook = lastCheckpoint - before;
         }
     }
     if (result_.psnrTrain == 0 && psnrCount) result_.psnrTrain = psnrSum / psnrCount; // less than one pass
