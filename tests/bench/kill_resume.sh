@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A bake that is killed (kill -9) at ten random moments and goes on with --resume, against the same bake left alone: held-out quality.
-#   tests/bench/kill_resume.sh BUILD DATASET OUT [ITERATIONS]       e.g. tests/bench/kill_resume.sh build data/bunny_wax /tmp/kill 5000
+#   tests/bench/kill_resume.sh BUILD DATASET OUT [ITERATIONS]       e.g. tests/bench/kill_resume.sh build data/bunny_wax kill_out 5000
 # BUILD: the build folder. Keeps both assets and their JSON in OUT. Exit code 1 if they differ by more than 0.1 dB or the killed bake
 # does not get to its end, 2 if fewer than ten kills hit a running bake: then it is too short, give more ITERATIONS.
 set -euo pipefail
