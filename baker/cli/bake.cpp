@@ -3,6 +3,7 @@
 
 #include "appearance/model_table.h"
 #include "asset/asset_io.h"
+#include "base/file.h"
 #include "pack/neutral_look.h"
 #include "train/bake.h"
 
@@ -67,6 +68,8 @@ static Status runBake(BakeArguments args)
     options.checkpointPath = args.output + ".ckpt";
     if (options.resume && !std::filesystem::exists(options.checkpointPath))
         return Error{ErrorCode::kBadInput, "--resume: there is no checkpoint '" + options.checkpointPath + "'; leave --resume out to start anew"};
+
+    for (const std::string& path : {args.output, options.checkpointPath}) removeAbandonedTemporaries(path);
 
     const std::atomic<bool>& stop = catchStopSignals();
     const auto dataset = openDataset(args.dataset);

@@ -23,7 +23,10 @@ void frameCube(std::span<const Camera> cameras, float center[3], float* halfSize
     }
     glm::dvec3 x(0.0);
     const double n = double(cameras.size());
-    if (glm::determinant(a / n) > 1e-6) {
+    const bool onePlace = std::all_of(cameras.begin(), cameras.end(), [&](const Camera& c) { // there all axes meet, whatever they look at
+        return glm::distance(c.position(), cameras[0].position()) <= 1e-5 * glm::length(c.position());
+    });
+    if (glm::determinant(a / n) > 1e-6 && !onePlace) {
         x = glm::inverse(a) * b;
     } else { // one camera, or parallel axes: a unit in front of them
         for (const Camera& c : cameras) x += (c.position() - glm::normalize(glm::dvec3(c.worldFromCamera[2]))) / n;

@@ -6,6 +6,7 @@
 #include "base/hash.h"
 #include "splat/random.h"
 #include "train/checkpoint.h"
+#include "train/data_check.h"
 #include "train/trainer.h"
 #include "train/training_images.h"
 
@@ -34,7 +35,8 @@ constexpr double kInitialShare = 0.5;       // of the cap
 constexpr int kDensifyEvery = 100;          // steps, and at least one pass through the cameras
 constexpr double kDensifyFrom = 0.02, kDensifyUntil = 0.5; // of the bake
 constexpr double kGrowth = 1.06;            // per densification
-constexpr double kCheckpointSeconds = 60;
+constexpr double kCheckpointSeconds = 60, kCheckpointProgress = 0.05; // whichever comes first,
+constexpr double kCheckpointPause = 100, kCheckpointLeast = 1;         // but no sooner than this many times what the last one took, or seconds
 constexpr double kReferenceSteps = 3000;     // the learning rates are tuned for a bake of this length
 constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
 
@@ -108,8 +110,7 @@ private:
     Status resume();
     Status train();
     double progress() const;
-    Status checkLights(const VisualHull& hull);
-    Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, bool* anyBackground);
+    Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, Silhouettes* silhouettes);
     Result<LossStats> trainStep(const Trainer::Moment& moment);
     double pace(double progress) const;
     Status track();
@@ -163,13 +164,13 @@ void Bake::report(const char* stage, double progress)
     report_({stage, state_.step, byTime_ ? 0 : iterations_, seconds, left, trainer_ ? int(trainer_->count()) : 0, recentPsnr_});
 }
 
-// Where each camera sees the object. `*anyBackground` is false if the images have no coverage: opaque captures.
-Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& cameras, bool* anyBackground)
+// Where each camera sees the object.
+Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& cameras, Silhouettes* silhouettes)
 {
     std::vector<CameraImages> groups = groupByCamera(*train_);
     const size_t stride = (groups.size() + kHullCameras - 1) / kHullCameras;
     std::vector<std::vector<uint8_t>> masks;
-    *anyBackground = false;
+    bool anyObject = false, anyBackground = false;
     for (size_t k = 0; k < groups.size(); k += stride) {
         if (cancelled()) return Error{ErrorCode::kCancelled, "cancelled before training started"};
         if (now() - lastReport_ > 0.5) report("loading", 0);
@@ -179,37 +180,13 @@ Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& c
         std::vector<uint8_t> mask(pixels);
         for (size_t i = 0; i < pixels; ++i) {
             mask[i] = (*image)->planes[3 * pixels + i] >= 32768; // alpha 0.5
-            *anyBackground = *anyBackground || !mask[i];
+            (mask[i] ? anyObject : anyBackground) = true;
         }
         masks.push_back(std::move(mask));
         cameras.push_back(train_->cameras[groups[k].camera]);
     }
+    *silhouettes = !anyBackground ? Silhouettes::kOpaque : !anyObject ? Silhouettes::kEmpty : Silhouettes::kGood;
     return masks;
-}
-
-// A light inside the object has no direction that its splats could agree on: that is a mistake in the data.
-Status Bake::checkLights(const VisualHull& hull)
-{
-    if (hull.surface.empty()) return ok();
-    for (const OlatImage& image : train_->images) {
-        if (image.light.type != LightType::kPoint) continue;
-        size_t voxel[3];
-        bool inGrid = true;
-        for (int k = 0; k < 3; ++k) {
-            const float u = (image.light.position[k] - hull.center[k] + hull.halfSize) / (2 * hull.halfSize) * float(hull.resolution);
-            inGrid = inGrid && u >= 0 && u < float(hull.resolution);
-            voxel[k] = inGrid ? size_t(u) : 0;
-        }
-        const size_t n = size_t(hull.resolution);
-        if (!inGrid || !hull.inside[(voxel[2] * n + voxel[1]) * n + voxel[0]]) continue;
-        const std::string what = image.path + ": its light at (" + std::to_string(image.light.position.x) + ", " +
-                                 std::to_string(image.light.position.y) + ", " + std::to_string(image.light.position.z) +
-                                 ") lies inside the object's silhouettes; check units and axes of the light positions";
-        if (!touchesBorder(hull)) return Error{ErrorCode::kBadInput, what};
-        result_.warnings.push_back(what + " (or it is hidden behind the object from all cameras)");
-        return ok();
-    }
-    return ok();
 }
 
 Status Bake::prepare()
@@ -245,20 +222,22 @@ Status Bake::prepare()
     images_ = std::make_unique<TrainingImages>(dataset_, *train_, options_.imageBudgetBytes);
     order_ = std::make_unique<StepOrder>(std::move(groups), options_.seed);
     std::vector<Camera> cameras;
-    bool anyBackground = false;
-    auto masks = loadMasks(cameras, &anyBackground);
+    Silhouettes silhouettes = Silhouettes::kGood;
+    auto masks = loadMasks(cameras, &silhouettes);
     if (!masks) return masks.error();
+    auto warnings = checkTrainingData(dataset_, *train_, silhouettes);
+    if (!warnings) return warnings.error();
+    result_.warnings = std::move(*warnings);
     report("hull", 0);
     VisualHull hull;
-    if (anyBackground) {
+    if (silhouettes == Silhouettes::kGood) {
         hull = carveVisualHull(cameras, *masks, kHullResolution);
         if (hull.surface.empty())
             result_.warnings.push_back("the alphas leave no visual hull: starting from random points in the common view of the cameras");
-        if (Status s = checkLights(hull); !s) return s;
+        if (Status s = checkLights(*train_, hull, result_.warnings); !s) return s;
     } else {
         frameCube(cameras, hull.center, &hull.halfSize);
         trainerOptions.loss.alphaWeight = 0;
-        result_.warnings.push_back("the images have no alpha: starting from random points and learning the background too; masks would help");
     }
     float extent = 0;
     for (const SurfacePoint& p : hull.surface)
@@ -358,7 +337,7 @@ Status Bake::train()
 {
     resumedStep_ = state_.step;
     startedProgress_ = progress();
-    double lastCheckpoint = now(), psnrSum = 0;
+    double lastCheckpoint = now(), lastCheckpointAt = startedProgress_, checkpointTook = 0, psnrSum = 0;
     int psnrCount = 0;
     LossStats pass; // since the last whole pass through the cameras
     const int watch = std::max(kDensifyEvery, int(order_->passLength()));
@@ -392,13 +371,16 @@ Status Bake::train()
             state_.stepsSinceReset = 0;
         }
         if (now() - lastReport_ > 0.5) report("training", at);
-        if (now() - lastCheckpoint > kCheckpointSeconds) {
+        const double sinceCheckpoint = now() - lastCheckpoint;
+        if ((sinceCheckpoint > kCheckpointSeconds || at - lastCheckpointAt > kCheckpointProgress) &&
+            sinceCheckpoint > std::max(kCheckpointLeast, kCheckpointPause * checkpointTook)) {
+            const double before = now();
             // A bake that could still end well does not die of a checkpoint that could not be written.
             if (Status s = checkpoint(); !s && !checkpointFailed_) {
                 checkpointFailed_ = true;
                 result_.warnings.push_back("no checkpoint at step " + std::to_string(state_.step) + ": " + s.error().message);
             }
-            lastCheckpoint = now();
+            lastCheckpoint = now(), lastCheckpointAt = at, checkpointTook = lastCheckpoint - before;
         }
     }
     if (result_.psnrTrain == 0 && psnrCount) result_.psnrTrain = psnrSum / psnrCount; // less than one pass

@@ -5,9 +5,12 @@
 #include "base/file.h"
 
 #include <cerrno>
+#include <charconv>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <fcntl.h>
+#include <filesystem>
 #include <memory>
 #include <sys/stat.h>
 #include <system_error>
@@ -16,6 +19,15 @@
 
 namespace nacre {
 namespace {
+
+constexpr const char* kTemporary = ".tmp-"; // then the process that writes it
+
+/// Through a symbolic link: replace the file it points to, not the link.
+std::string behindLinks(const std::string& path)
+{
+    const std::unique_ptr<char, void (*)(void*)> resolved(::realpath(path.c_str(), nullptr), std::free);
+    return resolved ? resolved.get() : path;
+}
 
 std::string osText(int error) { return std::generic_category().message(error); }
 
@@ -106,16 +118,12 @@ Result<std::vector<std::byte>> readFile(const std::string& path, size_t maxBytes
 Status writeFileAtomically(const std::string& path, std::span<const std::byte> bytes)
 {
     struct stat info = {};
-    std::string target = path;
     if (::stat(path.c_str(), &info) == 0) {
         if (S_ISDIR(info.st_mode)) return writeError(path, "it is a folder", EISDIR);
         if (!S_ISREG(info.st_mode)) return writeStraight(path, bytes);
-        // Through a symbolic link: replace the file it points to, not the link.
-        const std::unique_ptr<char, void (*)(void*)> resolved(::realpath(path.c_str(), nullptr), std::free);
-        if (resolved) target = resolved.get();
     }
 
-    const std::string temporary = target + ".tmp-" + std::to_string(::getpid());
+    const std::string target = behindLinks(path), temporary = target + kTemporary + std::to_string(::getpid());
     Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0666));
     if (file.fd < 0) return writeError(path, "cannot create '" + temporary + "'", errno);
     const auto giveUp = [&](const char* what) {
@@ -129,6 +137,21 @@ Status writeFileAtomically(const std::string& path, std::span<const std::byte> b
     if (::rename(temporary.c_str(), target.c_str()) != 0) return giveUp("rename");
     syncFolderOf(target);
     return ok();
+}
+
+void removeAbandonedTemporaries(const std::string& path)
+{
+    const std::filesystem::path target = behindLinks(path), folder = target.has_parent_path() ? target.parent_path() : ".";
+    const std::string start = target.filename().string() + kTemporary;
+    std::error_code ec;
+    for (std::filesystem::directory_iterator it(folder, ec), end; !ec && it != end; it.increment(ec)) {
+        const std::string name = it->path().filename().string();
+        if (!name.starts_with(start)) continue;
+        const char *first = name.data() + start.size(), *last = name.data() + name.size();
+        pid_t writer = 0;
+        if (const auto parsed = std::from_chars(first, last, writer); parsed.ec != std::errc() || parsed.ptr != last || writer <= 0) continue;
+        if (::kill(writer, 0) != 0 && errno == ESRCH) ::unlink(it->path().c_str());
+    }
 }
 
 } // namespace nacre

@@ -16,4 +16,8 @@ Result<std::vector<std::byte>> readFile(const std::string& path, size_t maxBytes
 /// Writes `path`.tmp-PID in the same folder, syncs, renames over `path`; on failure removes the temporary and returns kIo.
 Status writeFileAtomically(const std::string& path, std::span<const std::byte> bytes);
 
+/// Removes temporaries of `path` whose process no longer runs on this machine: it was killed while it wrote.
+/// Only for files that no other machine writes at the same time. What cannot be removed stays, without an error.
+void removeAbandonedTemporaries(const std::string& path);
+
 } // namespace nacre

@@ -8,6 +8,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -16,6 +17,7 @@
 #include <limits>
 #include <numbers>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 using namespace nacre;
@@ -127,6 +129,51 @@ TEST_CASE("symbolic links and devices keep being what they are")
         REQUIRE_FALSE(status);
         CHECK(status.error().message.find("No space left") != std::string::npos);
     }
+}
+
+TEST_CASE("a writer killed at any moment leaves one whole version of the file")
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("x.bin");
+    constexpr size_t kBytes = 1 << 20; // large enough that most kills hit in the middle of a write
+    REQUIRE(writeFileAtomically(path, std::vector<std::byte>(kBytes, std::byte(0))));
+    for (int round = 0; round < 20; ++round) {
+        const pid_t child = ::fork();
+        if (child == 0)
+            for (int version = 0;; ++version) (void)writeFileAtomically(path, std::vector<std::byte>(kBytes, std::byte(version)));
+        REQUIRE(child > 0);
+        ::usleep(useconds_t(500 + 977 * round % 9000));
+        ::kill(child, SIGKILL);
+        REQUIRE(::waitpid(child, nullptr, 0) == child);
+        const auto bytes = readFile(path);
+        REQUIRE(bytes);
+        REQUIRE(bytes->size() == kBytes);
+        CHECK(std::count(bytes->begin(), bytes->end(), bytes->front()) == ptrdiff_t(kBytes));
+    }
+    removeAbandonedTemporaries(path);
+    CHECK(folder.entries() == 1);
+}
+
+TEST_CASE("temporaries of a writer that was killed go; those of a running one and files that only look similar stay")
+{
+    const TemporaryFolder folder;
+    const pid_t child = ::fork();
+    if (child == 0) { // leaves what a kill in the middle of writing leaves
+        std::ofstream(folder.file("x.bin") + ".tmp-" + std::to_string(::getpid())) << "half";
+        ::_exit(0);
+    }
+    REQUIRE(child > 0);
+    REQUIRE(::waitpid(child, nullptr, 0) == child);
+    REQUIRE(folder.entries() == 1);
+    REQUIRE(writeFileAtomically(folder.file("x.bin"), someBytes(7)));
+    const std::string gone = std::to_string(child), mine = std::to_string(::getpid());
+    for (const std::string& name : {"x.bin.tmp-" + mine, "x.bin.tmp-" + gone + "b", std::string("x.bin.tmp-"), std::string("x.bin.tmp--1"), "y.bin.tmp-" + gone})
+        std::ofstream(folder.path / name) << "keep";
+    removeAbandonedTemporaries(folder.file("x.bin"));
+    CHECK(folder.entries() == 6);
+    CHECK_FALSE(fs::exists(folder.path / ("x.bin.tmp-" + gone)));
+    CHECK(*readFile(folder.file("x.bin")) == someBytes(7));
+    removeAbandonedTemporaries(folder.file("no/such/folder.bin"));
 }
 
 TEST_CASE("unreadable and oversized files are bad input")
