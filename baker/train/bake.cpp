@@ -27,7 +27,7 @@ struct Quality {
     const char* name;
     int iterations, maxSplats, sFunctions;
 };
-constexpr Quality kQualities[] = {{"draft", 2000, 6000, 9}, {"standard", 15000, 12000, 9}, {"high", 40000, 24000, 25}};
+constexpr Quality kQualities[] = {{"draft", 2000, 6000, 0}, {"standard", 15000, 24000, 0}, {"high", 40000, 48000, 0}};
 
 constexpr int kHullResolution = 128;
 constexpr size_t kHullCameras = 200;        // more silhouettes hardly change the hull

@@ -18,17 +18,18 @@ namespace nacre {
 
 constexpr int kTaps = 11, kRadius = kTaps / 2;
 
-struct RowSums { double absolute = 0, squared = 0, masked = 0, maskedCount = 0; };
+struct RowSums { double weighted = 0, squared = 0, masked = 0, maskedCount = 0; };
 
 struct RowTask {
     const float* render;       // one row of one channel, linear
     const uint16_t* reference; // encoded
+    const uint16_t* radiance;  // reference, half floats
     const uint16_t* mask;      // reference alpha
     float* gradient;
     float* encoded;            // may be null
     float* slope;
     int width;
-    float weight;              // of |difference| in the gradient
+    float weight;              // of the weighted squares in the gradient
 };
 
 struct Taps {
@@ -60,8 +61,8 @@ void lossRow(const RowTask& t, RowSums& sums)
     const hn::RebindToSigned<D> di;
     const size_t n = hn::Lanes(d);
     HWY_ALIGN float tail[3][hn::MaxLanes(D())];
-    HWY_ALIGN uint16_t tail16[2][hn::MaxLanes(D())];
-    V absolute = hn::Zero(d), squared = hn::Zero(d), masked = hn::Zero(d), maskedCount = hn::Zero(d);
+    HWY_ALIGN uint16_t tail16[3][hn::MaxLanes(D())];
+    V weighted = hn::Zero(d), squared = hn::Zero(d), masked = hn::Zero(d), maskedCount = hn::Zero(d);
     const V unorm = hn::Set(d, 1.0f / 65535.0f);
     for (int x = 0; x < t.width; x += int(n)) {
         const bool whole = x + int(n) <= t.width;
@@ -69,7 +70,7 @@ void lossRow(const RowTask& t, RowSums& sums)
         if (!whole) {
             for (size_t i = 0; i < n; ++i) { // pixels beyond the row equal their reference
                 const bool in = int(i) < left;
-                tail[0][i] = in ? t.render[x + i] : 0.0f, tail16[0][i] = in ? t.reference[x + i] : 0, tail16[1][i] = in ? t.mask[x + i] : 0;
+                tail[0][i] = in ? t.render[x + i] : 0.0f, tail16[0][i] = in ? t.reference[x + i] : 0, tail16[1][i] = in ? t.mask[x + i] : 0, tail16[2][i] = in ? t.radiance[x + i] : 0;
             }
         }
         const V loaded = whole ? hn::LoadU(d, t.render + x) : hn::Load(d, tail[0]);
@@ -87,12 +88,12 @@ void lossRow(const RowTask& t, RowSums& sums)
         const V slope = hn::IfThenElse(low, hn::Set(d, 12.92f), hn::Div(power, hn::Mul(safe, hn::Set(d, 2.4f))));
 
         const V difference = hn::Sub(value, reference);
-        const V size = hn::Abs(difference);
-        const V sign = hn::IfThenElseZero(hn::Gt(size, hn::Zero(d)), hn::CopySign(hn::Set(d, t.weight), difference));
-        const V gradient = hn::Mul(sign, slope);
+        const auto half = hn::BitCast(hn::Rebind<hwy::float16_t, D>(), whole ? hn::LoadU(d16, t.radiance + x) : hn::Load(d16, tail16[2]));
+        const V shown = hn::Mul(hn::Sub(linear, hn::PromoteTo(d, half)), slope);
+        const V gradient = hn::Mul(hn::Mul(shown, slope), hn::Set(d, t.weight));
         const V square = hn::Mul(difference, difference);
         const auto in = hn::Gt(alpha, hn::Set(d, 0.5f));
-        absolute = hn::Add(absolute, size);
+        weighted = hn::MulAdd(shown, shown, weighted);
         squared = hn::Add(squared, square);
         masked = hn::Add(masked, hn::IfThenElseZero(in, square));
         maskedCount = hn::Add(maskedCount, hn::IfThenElseZero(in, hn::Set(d, 1.0f)));
@@ -107,7 +108,7 @@ void lossRow(const RowTask& t, RowSums& sums)
             }
         }
     }
-    sums.absolute = hn::GetLane(hn::SumOfLanes(d, absolute));
+    sums.weighted = hn::GetLane(hn::SumOfLanes(d, weighted));
     sums.squared = hn::GetLane(hn::SumOfLanes(d, squared));
     sums.masked = hn::GetLane(hn::SumOfLanes(d, masked));
     sums.maskedCount = hn::GetLane(hn::SumOfLanes(d, maskedCount));
@@ -159,6 +160,7 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 #include "base/color.h"
+#include "base/half.h"
 
 #include <tbb/parallel_for.h>
 
@@ -171,12 +173,15 @@ HWY_EXPORT(blurPlane);
 
 PreparedImage prepareImage(const Image& linear)
 {
-    PreparedImage p{linear.width, linear.height, {}};
+    PreparedImage p{linear.width, linear.height, {}, {}};
     const size_t pixels = size_t(p.width) * p.height;
-    p.planes.resize(4 * pixels);
+    p.planes.resize(4 * pixels), p.linear.resize(3 * pixels);
     for (size_t i = 0; i < pixels; ++i) {
-        for (int c = 0; c < 3; ++c)
-            p.planes[c * pixels + i] = uint16_t(std::lround(65535.0f * srgbFromLinear(std::clamp(linear.rgba[4 * i + c], 0.0f, 1.0f))));
+        for (int c = 0; c < 3; ++c) {
+            const float x = std::clamp(linear.rgba[4 * i + c], 0.0f, 1.0f);
+            p.planes[c * pixels + i] = uint16_t(std::lround(65535.0f * srgbFromLinear(x)));
+            p.linear[c * pixels + i] = halfFromFloat(x);
+        }
         p.planes[3 * pixels + i] = uint16_t(std::lround(65535.0f * std::clamp(linear.rgba[4 * i + 3], 0.0f, 1.0f)));
     }
     return p;
@@ -190,13 +195,14 @@ LossStats ImageLoss::evaluate(const float* planes, const PreparedImage* const* r
     const int channels = 3 * imageCount;
     const bool ssim = options.dssim > 0;
     if (ssim) encoded_.resize(channels * pixels), slope_.resize(channels * pixels);
-    const float weight = (1.0f - options.dssim) / float(channels * pixels);
+    const float weight = (1.0f - options.dssim) / (kLossScale * float(channels * pixels));
     const auto run = HWY_DYNAMIC_DISPATCH(lossRow);
 
     std::vector<RowSums> rows(size_t(channels) * height);
     tbb::parallel_for(size_t(0), rows.size(), [&](size_t r) {
         const size_t plane = r / height, y = r % height, image = plane / 3, c = plane % 3, at = plane * pixels + y * width;
-        run({planes + at, references[image]->planes.data() + c * pixels + y * width, references[image]->planes.data() + 3 * pixels + y * width,
+        run({planes + at, references[image]->planes.data() + c * pixels + y * width, references[image]->linear.data() + c * pixels + y * width,
+             references[image]->planes.data() + 3 * pixels + y * width,
              dPlanes + at, ssim ? encoded_.data() + at : nullptr, ssim ? slope_.data() + at : nullptr, width, weight},
             rows[r]);
     });
@@ -217,7 +223,7 @@ LossStats ImageLoss::evaluate(const float* planes, const PreparedImage* const* r
 
     LossStats stats;
     for (const RowSums& r : rows) {
-        stats.loss += weight * r.absolute;
+        stats.loss += 0.5 * weight * r.weighted;
         stats.squaredError += r.squared;
         stats.squaredErrorMasked += r.masked, stats.countMasked += r.maskedCount;
     }

@@ -1,8 +1,11 @@
-// The image loss of BiGS section 5.1 on display-encoded images, Γ(x) = sRGB of clamp(x, 0, 1):
+// The image loss. x is the rendered, r the reference radiance, both cut at 1; Γ is the sRGB transfer function:
 //
-//   (1 - lambda) * mean |Γ(render) - Γ(reference)| + lambda * (1 - SSIM) + alphaWeight * mean |alpha - alphaReference|
+//   (1 - lambda) * mean ((x - r) Γ'(x))^2 / (2 kLossScale) + lambda * (1 - SSIM) + alphaWeight * mean |alpha - alphaReference|
 //
-// SSIM as in eval/metrics.h. A render above 1 still feels the pull down to a darker reference (slope of Γ at 1).
+// The first term is the squared error as displayed, to first order; Γ'(x) is held constant in the gradient. Path-traced and captured images
+// carry noise whose mean, not whose median, is right in linear radiance: |Γ(x) - Γ(r)| (BiGS section 5.1) is pulled below it where noise is
+// skewed, this is not (the weighting of Noise2Noise, Lehtinen et al. 2018, section 4.3, with the slope of our display).
+// SSIM is that of eval/metrics.h, of Γ images. A render above 1 still feels the pull down to a darker reference (slope of Γ at 1).
 #pragma once
 
 #include "base/image.h"
@@ -13,10 +16,14 @@
 
 namespace nacre {
 
-/// A reference made ready for the loss: Γ(r), Γ(g), Γ(b) and alpha as 16-bit unorm planes.
+constexpr float kLossScale = 0.03f; // a displayed difference of this weighs as much as in a mean of absolute differences
+
+/// A reference made ready for the loss: Γ(r), Γ(g), Γ(b) and alpha as 16-bit unorm planes, and r, g, b as half floats.
 struct PreparedImage {
     int width = 0, height = 0;
     std::vector<uint16_t> planes; // [4][height][width]
+    std::vector<uint16_t> linear; // [3][height][width], at most 1
+    size_t bytes() const { return (planes.size() + linear.size()) * sizeof(uint16_t); }
 };
 PreparedImage prepareImage(const Image& linear);
 

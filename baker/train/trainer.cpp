@@ -105,7 +105,7 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     const int channels = 3 * int(lights.size());
     Random random(options_.seed, uint64_t(moment.step) << 8 | 1);
     const float uniform[3] = {random.uniform(), random.uniform(), random.uniform()};
-    appearance_->beginStep(moment.progress, moment.pace, moment.step, uniform);
+    appearance_->beginStep(moment.progress, moment.pace, moment.step, uniform, geometry_.activated);
 
     const VisibleView view = project(camera);
     const VisibleSplats& visible = builder_.visible;

@@ -17,11 +17,10 @@ Result<std::shared_ptr<const PreparedImage>> TrainingImages::get(uint32_t imageI
     auto file = files_.load(split_, imageIndex);
     if (!file) return file.error();
     auto prepared = std::make_shared<const PreparedImage>(prepareImage(**file));
-    const auto bytes = [](const PreparedImage& p) { return p.planes.size() * sizeof(uint16_t); };
-    resident_ += bytes(*prepared);
+    resident_ += prepared->bytes();
     while (resident_ > budget_ && !recent_.empty()) {
         auto oldest = entries_.find(recent_.back());
-        resident_ -= bytes(*oldest->second.image);
+        resident_ -= oldest->second.image->bytes();
         entries_.erase(oldest);
         recent_.pop_back();
     }

@@ -1,6 +1,7 @@
 // bigs: gradients in float64 against finite differences, properties of the evaluator, and the SIMD training kernels against both.
 #include "appearance/bigs/bigs_backward.h"
 #include "appearance/bigs/bigs_training.h"
+#include "appearance/shared_adam.h"
 
 #include <doctest/doctest.h>
 #include <tbb/global_control.h>
@@ -13,11 +14,20 @@ using namespace nacre;
 namespace {
 
 struct Coefficients {
-    std::vector<double> values; // tDir 25, tInd 75, rho 3, s
+    std::vector<double> values; // as in training: tDir 25, tInd 75, rho 3, lobe 7 (normal of any length, log sharpness, k), shadow, s
     int sFunctions;
-    explicit Coefficients(int sFunctions) : values(103 + 3 * bigsPairCount(sFunctions)), sFunctions(sFunctions) {}
-    BigsCoefficients<double> view() const { return {&values[0], &values[25], &values[100], values.data() + 103, sFunctions}; }
-    BigsGradient<double> gradient() { return {&values[0], &values[25], &values[100], values.data() + 103}; }
+    std::vector<uint8_t> map;   // visibility, or empty
+    mutable double lobe[7];     // as evaluated
+    explicit Coefficients(int sFunctions) : values(kScatter + 3 * bigsPairCount(sFunctions)), sFunctions(sFunctions) {}
+    BigsCoefficients<double> view() const
+    {
+        std::copy_n(&values[kLobe], 7, lobe);
+        const double length = std::sqrt(lobe[0] * lobe[0] + lobe[1] * lobe[1] + lobe[2] * lobe[2]);
+        for (int k = 0; k < 3; ++k) lobe[k] /= length;
+        lobe[3] = std::exp(lobe[3]);
+        return {&values[0], &values[25], &values[100], values.data() + kScatter, sFunctions, lobe, map.empty() ? nullptr : map.data(), values[kShadow]};
+    }
+    BigsGradient<double> gradient() { return {&values[0], &values[25], &values[100], values.data() + kScatter}; }
 };
 
 void randomDirection(std::mt19937_64& rng, double* d)
@@ -35,17 +45,19 @@ Coefficients randomCoefficients(std::mt19937_64& rng, int sFunctions)
     Coefficients g(sFunctions);
     for (double& v : g.values) v = 0.3 * n(rng);
     g.values[0] += 1.0;
-    for (int c = 0; c < 3; ++c) g.values[100 + c] = 0.4, g.values[25 + c] += 0.5;
+    for (int c = 0; c < 3; ++c) g.values[100 + c] = 0.4, g.values[25 + c] += 0.5, g.values[kLobeColor + c] = 0.5 + 0.2 * c;
+    g.values[kLobe + 2] += 1.0, g.values[kLobeSharpness] = 1.5 + g.values[kLobeSharpness], g.values[kShadow] = 0.8;
+    g.map.resize(kBigsVisibilityTexels); // smooth and away from the ends of the slope
+    for (int t = 0; t < kBigsVisibilityTexels; ++t) g.map[size_t(t)] = uint8_t(127 + 20 * std::sin(0.4 * (t % 16)) - 8 * std::cos(0.3 * (t / 16)));
     return g;
 }
 
 struct Directions {
-    double yView[25], yLight[25];
+    double wo[3], wi[3], yView[25], yLight[25];
     Directions(std::mt19937_64& rng)
     {
-        double d[3];
-        randomDirection(rng, d), shBasis(25, d[0], d[1], d[2], yView);
-        randomDirection(rng, d), shBasis(25, d[0], d[1], d[2], yLight);
+        randomDirection(rng, wo), shBasis(25, wo[0], wo[1], wo[2], yView);
+        randomDirection(rng, wi), shBasis(25, wi[0], wi[1], wi[2], yLight);
     }
 };
 
@@ -68,7 +80,7 @@ TEST_CASE("bigs gradient matches finite differences for every coefficient, with 
                 sum += positive * square(t.direct);
                 for (int c = 0; c < 3; ++c) {
                     const double excess = bigsScatteredEnergy(x.view(), dir.yLight, c) - 1;
-                    sum += weights[c] * bigsTransport(t, {}, c) + positive * (square(t.scatter[c]) + square(t.indirect[c])) +
+                    sum += weights[c] * bigsTransport(t, bigsSharpTerms(x.view(), dir.wo, dir.wi), c) + positive * (square(t.scatter[c]) + square(t.indirect[c])) +
                            energy * (excess > 0 ? excess * excess : 0.0);
                 }
                 return sum;
@@ -77,13 +89,14 @@ TEST_CASE("bigs gradient matches finite differences for every coefficient, with 
             bigsContractView(g.view(), dir.yView, a);
             const BigsTerms<double> t = bigsTerms(g.view(), a, dir.yLight);
             BigsTerms<double> d{};
-            bigsTransportBackward(t, weights, false, d);
+            bigsTransportBackward(t, bigsSharpTerms(g.view(), dir.wo, dir.wi).visible, weights, false, d);
             bigsPositiveBackward(t, positive, d);
             Coefficients gradient(sFunctions);
             BigsGradient<double> out = gradient.gradient();
             bigsTermsBackward(sFunctions, dir.yView, dir.yLight, d, out);
             bigsEnergyBackward(g.view(), dir.yLight, energy, out);
             for (size_t k = 0; k < g.values.size(); ++k) {
+                if (k >= size_t(kLobe) && k <= size_t(kShadow)) continue; // of bigsSharpBackward, below
                 Coefficients lo = g, hi = g;
                 lo.values[k] -= 1e-6, hi.values[k] += 1e-6;
                 CHECK(gradient.values[k] == doctest::Approx((loss(hi) - loss(lo)) / 2e-6).epsilon(1e-6).scale(1.0));
@@ -98,17 +111,71 @@ TEST_CASE("the leaky clamp lets descent raise a negative value and nothing else"
 {
     BigsTerms<double> t{-0.1, {0.2, -0.3, 0.4}, {-0.2, 0.1, -0.1}}, d{};
     const double up[3] = {-1, -1, -1}, down[3] = {1, 1, 1};
-    bigsTransportBackward(t, up, true, d);
+    bigsTransportBackward(t, 0.5, up, true, d);
     CHECK(d.direct < 0);
     CHECK(d.indirect[0] < 0);
     d = {};
-    bigsTransportBackward(t, down, true, d);
+    bigsTransportBackward(t, 0.5, down, true, d);
     CHECK(d.direct == 0);
     CHECK(d.indirect[0] == 0);
     CHECK(d.indirect[1] == 1);
     d = {};
-    bigsTransportBackward(t, up, false, d);
+    bigsTransportBackward(t, 0.5, up, false, d);
     CHECK(d.direct == 0);
+}
+
+TEST_CASE("gradient of lobe and shadow matches finite differences")
+{
+    std::mt19937_64 rng(4);
+    int lit = 0;
+    for (int trial = 0; trial < 200; ++trial) {
+        Coefficients g = randomCoefficients(rng, 0);
+        const Directions dir(rng);
+        const double weights[3] = {0.7, -0.4, 1.1};
+        const auto value = [&](const Coefficients& x) {
+            const BigsTerms<double> t = bigsTerms<double>(x.view(), nullptr, dir.yLight);
+            double sum = 0;
+            for (int c = 0; c < 3; ++c) sum += weights[c] * bigsTransport(t, bigsSharpTerms(x.view(), dir.wo, dir.wi), c);
+            return sum;
+        };
+        BigsSharpGradient<double> d;
+        bigsSharpBackward(g.view(), bigsTerms<double>(g.view(), nullptr, dir.yLight), dir.wo, dir.wi, weights, d);
+        const double* n = &g.values[kLobe];
+        const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        const double analytic[8] = {d.normal[0] / length, d.normal[1] / length, d.normal[2] / length, d.logSharpness, d.color[0], d.color[1], d.color[2], d.shadow};
+        lit += d.color[0] != 0;
+        for (int k = 0; k < 8; ++k) {
+            Coefficients hi = g, lo = g;
+            const double step = 1e-6;
+            hi.values[size_t(kLobe + k)] += step, lo.values[size_t(kLobe + k)] -= step;
+            CAPTURE(trial);
+            CAPTURE(k);
+            CHECK((value(hi) - value(lo)) / (2 * step) == doctest::Approx(analytic[k]).epsilon(1e-5).scale(0.1));
+        }
+    }
+    CHECK(lit > 50);
+}
+
+TEST_CASE("neighbours learn together, and groups without a signal stand still")
+{
+    SharedAdam adam;
+    const size_t count = 4096;
+    std::vector<float> gradient(4 * count, 0.0f), x(4 * count, 0.0f);
+    std::vector<uint8_t> active(count, 1);
+    std::mt19937_64 rng(9);
+    std::normal_distribution<float> noise;
+    for (int step = 0; step < 50; ++step) {
+        for (size_t i = 0; i < count; ++i) // one splat in 50 of the first half sees a highlight that is too dim; the rest only faint noise
+            for (size_t k = 0; k < 4; ++k) gradient[4 * i + k] = i < count / 2 && i % 50 == 0 ? -1.0f : 1e-4f * noise(rng);
+        const auto delta = adam.step(gradient, active, {0.01f, 0.01f});
+        for (size_t k = 0; k < x.size(); ++k) x[k] -= delta[k];
+    }
+    double unseen = 0, still = 0;
+    for (size_t i = 0; i < count; ++i) (i < count / 2 ? unseen : still) += i % 50 ? x[4 * i + 1] / double(count / 2) : 0.0;
+    CHECK(unseen > 0.5);            // splats that never saw it brighten with their neighbours
+    CHECK(std::abs(still) < 0.01);
+    active.assign(count, 0);
+    for (float d : adam.step(gradient, active, {0.01f, 0.01f})) CHECK(d == 0.0f);
 }
 
 TEST_CASE("s is reciprocal: swapping light and view changes nothing")
@@ -132,7 +199,7 @@ TEST_CASE("fewer functions of s are a prefix of more")
 {
     std::mt19937_64 rng(6);
     Coefficients full = randomCoefficients(rng, 25), small(9);
-    for (size_t k = 103 + 3 * bigsPairCount(9); k < full.values.size(); ++k) full.values[k] = 0;
+    for (size_t k = kScatter + 3 * bigsPairCount(9); k < full.values.size(); ++k) full.values[k] = 0;
     std::copy(full.values.begin(), full.values.begin() + small.values.size(), small.values.begin());
     const Directions dir(rng);
     double a[75], b[75];
@@ -163,6 +230,7 @@ struct Scene {
         for (size_t i = 0; i < kCount; ++i) {
             const Coefficients g = randomCoefficients(rng, sFunctions);
             for (size_t k = 0; k < g.values.size(); ++k) parameters.value[parameters.index(i, int(k))] = float(g.values[k]);
+            for (uint8_t texel : g.map) parameters.visibility.push_back(texel);
             for (float& p : geometry[i].position) p = u(rng);
             visibleFromSplat.push_back(i % 5 == 3 ? ~0u : uint32_t(visible++));
         }
@@ -172,14 +240,16 @@ struct Scene {
         lit.lights[1].position = geometry[0].position[0] + glm::vec3(0), lit.lights[1].radius = 0.5f; // may lie inside its radius
         lit.lights[2].type = LightType::kDirectional, lit.lights[2].directionToLight = glm::normalize(glm::vec3(1, -1, 0.5f));
         bands.scatter = sFunctions;
+        bands.lobe = true;
     }
     Coefficients coefficients(size_t i) const
     {
         Coefficients g(parameters.sFunctions);
         for (size_t k = 0; k < g.values.size(); ++k) g.values[k] = parameters.value[parameters.index(i, int(k))];
+        if (!parameters.visibility.empty()) g.map.assign(&parameters.visibility[256 * i], &parameters.visibility[256 * i] + 256);
         return g;
     }
-    double falloff(size_t i, int l, double* yLight) const
+    double falloff(size_t i, int l, double* yLight, double* wi) const
     {
         const Light& light = lit.lights[l];
         double p[3], q[3];
@@ -189,14 +259,16 @@ struct Scene {
             for (int k = 0; k < 3; ++k) s.dir[k] = light.directionToLight[k];
             s.falloff = 1;
         }
+        std::copy_n(s.dir, 3, wi);
         shBasis(25, s.dir[0], s.dir[1], s.dir[2], yLight);
         return s.falloff;
     }
-    void viewBasis(size_t i, double* yView) const
+    void viewBasis(size_t i, double* yView, double* wo) const
     {
         double p[3], e[3];
         for (int k = 0; k < 3; ++k) p[k] = geometry[i].position[k], e[k] = lit.eye[k];
         const LightSample<double> s = samplePointLight(e, 0.0, p);
+        std::copy_n(s.dir, 3, wo);
         shBasis(25, s.dir[0], s.dir[1], s.dir[2], yView);
     }
     VisibleView view() const { return {geometry, visibleFromSplat, visible}; }
@@ -213,14 +285,14 @@ TEST_CASE("SIMD forward equals the scalar evaluator")
         for (size_t i = 0; i < Scene::kCount; ++i) {
             if (scene.visibleFromSplat[i] == ~0u) continue;
             const Coefficients g = scene.coefficients(i);
-            double yView[25], yLight[25], a[75];
-            scene.viewBasis(i, yView);
+            double yView[25], yLight[25], a[75], wo[3], wi[3];
+            scene.viewBasis(i, yView, wo);
             bigsContractView(g.view(), yView, a);
             for (int l = 0; l < 3; ++l) {
-                const double falloff = scene.falloff(i, l, yLight);
+                const double falloff = scene.falloff(i, l, yLight, wi);
                 const BigsTerms<double> t = bigsTerms(g.view(), a, yLight);
                 for (int c = 0; c < 3; ++c) {
-                    const double expected = scene.lit.lights[l].intensity[c] * falloff * bigsTransport(t, {}, c);
+                    const double expected = scene.lit.lights[l].intensity[c] * falloff * bigsTransport(t, bigsSharpTerms(g.view(), wo, wi), c);
                     const double bound = scene.lit.lights[l].intensity[c] * falloff;
                     CAPTURE(i);
                     CHECK(std::abs(colors[scene.visibleFromSplat[i] * 16 + 3 * l + c] - expected) < 2e-5 * (bound + std::abs(expected))); // f32 sums of up to 650 terms
@@ -245,8 +317,9 @@ TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam d
         for (float& r : update.rate) r = 0.01f;
         update.positiveWeight = 0.02f, update.energyWeight = 0.03f;
         const BigsRandomLight random{true, {0.6f, 0, 0.8f}};
+        BigsLobeGradients lobe;
         bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, random, colors.data(), terms.data());
-        bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, random, active.data(), dColors.data(), terms.data(), update);
+        bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, random, active.data(), dColors.data(), terms.data(), update, lobe);
 
         for (size_t i = 0; i < Scene::kCount; ++i) {
             CAPTURE(i);
@@ -258,20 +331,23 @@ TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam d
             }
             Coefficients gradient(sFunctions);
             BigsGradient<double> out = gradient.gradient();
-            double yView[25], yLight[25], a[75];
-            scene.viewBasis(i, yView);
+            BigsSharpGradient<double> sharp;
+            double yView[25], yLight[25], a[75], wo[3], wi[3];
+            scene.viewBasis(i, yView, wo);
             bigsContractView(g.view(), yView, a);
             for (int l = 0; l < 4; ++l) { // the fourth is the random direction, regularised only
                 double dTransport[3] = {0, 0, 0};
                 if (l < 3) {
-                    const double falloff = scene.falloff(i, l, yLight);
+                    const double falloff = scene.falloff(i, l, yLight, wi);
                     for (int c = 0; c < 3; ++c) dTransport[c] = dColors[v * 16 + 3 * l + c] * falloff * scene.lit.lights[l].intensity[c];
                 } else {
                     shBasis(25, double(random.direction[0]), double(random.direction[1]), double(random.direction[2]), yLight);
                 }
                 const BigsTerms<double> t = bigsTerms(g.view(), a, yLight);
                 BigsTerms<double> d{};
-                bigsTransportBackward(t, dTransport, true, d);
+                const double visible = l < 3 ? bigsSharpTerms(g.view(), wo, wi).visible : 1;
+                if (l < 3) bigsSharpBackward(g.view(), t, wo, wi, dTransport, sharp);
+                bigsTransportBackward(t, visible, dTransport, true, d);
                 bigsPositiveBackward(t, double(update.positiveWeight), d);
                 bigsTermsBackward(sFunctions, yView, yLight, d, out);
                 bigsEnergyBackward(g.view(), yLight, double(update.energyWeight), out);
@@ -284,24 +360,34 @@ TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam d
                 const double root = std::sqrt(square / double(count));
                 for (size_t k = first; k < first + count; ++k) {
                     double expected = g.values[k] - 0.01 * (root > 0 ? gradient.values[k] / root : 0);
-                    if (k >= 100 && k < 103) expected = std::clamp(expected, 0.0, 1.0);
+                    if ((k >= 100 && k < 103) || k == kShadow) expected = std::clamp(expected, 0.0, 1.0);
                     CHECK(after.values[k] == doctest::Approx(expected).epsilon(1e-4).scale(1.0)); // f32 gradient over its f32 norm
                 }
             };
             checkGroup(0, 25, gradient.values);
             checkGroup(25, 75, gradient.values);
             checkGroup(100, 3, gradient.values);
+            const double* n = &g.values[kLobe];
+            const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+            for (int k = 0; k < 3; ++k) gradient.values[size_t(kLobe + k)] = sharp.normal[k] / length; // of the raw normal
+            gradient.values[kShadow] = sharp.shadow;
+            checkGroup(kLobe, 3, gradient.values);
+            checkGroup(kShadow, 1, gradient.values);
+            CHECK(lobe.active[i] == 1);
+            const double scale = std::abs(sharp.logSharpness) + std::abs(sharp.color[0]) + std::abs(sharp.color[1]) + std::abs(sharp.color[2]) + 1e-3;
+            CHECK(std::abs(lobe.gradient[4 * i] - sharp.logSharpness) < 1e-4 * scale);
+            for (int c = 0; c < 3; ++c) CHECK(std::abs(lobe.gradient[4 * i + 1 + size_t(c)] - sharp.color[c]) < 1e-4 * scale);
             std::vector<double> withoutEnergy = gradient.values;
             Coefficients energyOnly(sFunctions);
             BigsGradient<double> energyOut = energyOnly.gradient();
             for (int l = 0; l < 4; ++l) {
-                if (l < 3) scene.falloff(i, l, yLight);
+                if (l < 3) scene.falloff(i, l, yLight, wi);
                 else shBasis(25, 0.6, 0.0, 0.8, yLight);
                 bigsEnergyBackward(g.view(), yLight, double(update.energyWeight), energyOut);
             }
             for (size_t k = 0; k < withoutEnergy.size(); ++k) withoutEnergy[k] -= energyOnly.values[k];
             for (int degree = 0; degree * degree < sFunctions; ++degree) {
-                const size_t first = 103 + 3 * bigsPairCount(degree * degree), last = 103 + 3 * bigsPairCount((degree + 1) * (degree + 1));
+                const size_t first = kScatter + 3 * bigsPairCount(degree * degree), last = kScatter + 3 * bigsPairCount((degree + 1) * (degree + 1));
                 checkGroup(first, last - first, withoutEnergy);
             }
         }

@@ -6,21 +6,24 @@
 
 #include "appearance/bigs/bigs.h"
 
+#include <cmath>
+
 namespace nacre {
 
-/// Gradient of one light's radiance. dTransport is the gradient with respect to bigsTransport of each channel. Adds to `d`.
+/// Gradient of one light's radiance. dTransport is the gradient with respect to bigsTransport of each channel, `visible` the v of the light.
+/// Adds to `d`.
 /// `leaky` lets a clamped-off value feel the gradient when descent would raise it, so that dead coefficients come back to life;
 /// without it this is the exact derivative of the clamps.
 template <class T>
-NACRE_HD inline void bigsTransportBackward(const BigsTerms<T>& t, const T dTransport[3], bool leaky, BigsTerms<T>& d)
+NACRE_HD inline void bigsTransportBackward(const BigsTerms<T>& t, T visible, const T dTransport[3], bool leaky, BigsTerms<T>& d)
 {
     const T zero = T(0);
     const auto pass = [&](T value, T gradient) { return value > zero || (leaky && gradient < zero) ? gradient : zero; };
     const T direct = t.direct > zero ? t.direct : zero;
     T dDirect = zero;
     for (int c = 0; c < 3; ++c) {
-        dDirect += dTransport[c] * (t.scatter[c] > zero ? t.scatter[c] : zero);
-        d.scatter[c] += pass(t.scatter[c], dTransport[c] * direct);
+        dDirect += visible * dTransport[c] * (t.scatter[c] > zero ? t.scatter[c] : zero);
+        d.scatter[c] += pass(t.scatter[c], visible * dTransport[c] * direct);
         d.indirect[c] += pass(t.indirect[c], dTransport[c]);
     }
     d.direct += pass(t.direct, dDirect);
@@ -33,6 +36,42 @@ NACRE_HD inline void bigsPositiveBackward(const BigsTerms<T>& t, T weight, BigsT
     const auto slope = [&](T x) { return x < T(0) ? T(2) * weight * x : T(0); };
     d.direct += slope(t.direct);
     for (int c = 0; c < 3; ++c) d.scatter[c] += slope(t.scatter[c]), d.indirect[c] += slope(t.indirect[c]);
+}
+
+/// Gradient of the sharp terms: of the shadow, and of the lobe's normal (as a unit vector: tangential), log sharpness and k.
+template <class T>
+struct BigsSharpGradient {
+    T shadow = T(0), normal[3] = {T(0), T(0), T(0)}, logSharpness = T(0), color[3] = {T(0), T(0), T(0)};
+};
+
+/// Adds the gradient of one light. dTransport as above.
+template <class T>
+NACRE_HD inline void bigsSharpBackward(const BigsCoefficients<T>& g, const BigsTerms<T>& t, const T* wo, const T* wi, const T dTransport[3],
+                                       BigsSharpGradient<T>& d)
+{
+    const T zero = T(0), dark = g.visibility ? T(1) - bigsVisibility(g.visibility, wi) : zero, visible = T(1) - g.shadow * dark;
+    const T direct = t.direct > zero ? t.direct : zero, shape = g.lobe ? bigsLobe(g.lobe, wo, wi) : zero;
+    T dShape = zero;
+    for (int c = 0; c < 3; ++c) {
+        const T k = g.lobe ? g.lobe[4 + c] : zero, scatter = t.scatter[c] > zero ? t.scatter[c] : zero;
+        d.shadow -= dTransport[c] * dark * (direct * scatter + k * shape);
+        d.color[c] += dTransport[c] * visible * shape;
+        dShape += dTransport[c] * visible * k;
+    }
+    if (shape == zero) return;
+    // shape = u^2 front, u = 1 / (1 + q (1 - cos^2)), cos = n.h
+    const T *n = g.lobe, q = n[3];
+    T h[3], length2 = zero, cosine = zero, facing = zero;
+    for (int k = 0; k < 3; ++k) h[k] = wo[k] + wi[k], length2 += h[k] * h[k], facing += n[k] * wi[k];
+    for (int k = 0; k < 3; ++k) h[k] /= std::sqrt(length2), cosine += n[k] * h[k];
+    if (cosine < zero) cosine = zero;
+    const T sine2 = T(1) - cosine * cosine, u = T(1) / (T(1) + q * sine2), front = T(kBigsLobeFacing) * facing;
+    const T dFront = front < T(1) ? dShape * u * u * T(kBigsLobeFacing) : zero;
+    const T dU = dShape * T(2) * u * (front < T(1) ? front : T(1)), dSine2 = -dU * u * u * q, dCosine = -T(2) * cosine * dSine2;
+    d.logSharpness -= dU * u * u * q * sine2;
+    T dNormal[3], along = zero;
+    for (int k = 0; k < 3; ++k) dNormal[k] = dCosine * h[k] + dFront * wi[k], along += dNormal[k] * n[k];
+    for (int k = 0; k < 3; ++k) d.normal[k] += dNormal[k] - along * n[k];
 }
 
 /// Integral of s(w_t, .) over all exitant directions, one channel: only the constant function survives, its integral is sqrt(4 pi).

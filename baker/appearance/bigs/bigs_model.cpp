@@ -1,5 +1,7 @@
 // bigs as a TrainableAppearance: initial values, schedule of rates and bands, export.
 #include "appearance/bigs/bigs_training.h"
+#include "appearance/shared_adam.h"
+#include "splat/light_visibility.h"
 
 #include <algorithm>
 #include <cmath>
@@ -20,11 +22,19 @@ constexpr ChannelRow kChannels[] = {
     {"tDir", kTDir, 25, kGroupDirect, kGroupDirect, 5e-3f},
     {"tInd", kTInd, 75, kGroupIndirect, kGroupIndirect, 3e-3f},
     {"rho", kRho, 3, kGroupRho, kGroupRho, 5e-3f},
+    {"lobe", kLobe, kBigsLobeFloats, kGroupNormal, kGroupNormal, 1e-2f},
+    {"shadow", kShadow, 1, kGroupShadow, kGroupShadow, 2e-2f},
     {"s", kScatter, 0, kGroupScatter0, BigsGroup(kBigsGroups - 1), 1e-3f},
 };
+constexpr float kRateSharpness = 6e-2f /* of its logarithm */, kRateLobeColor = 5e-2f;
 constexpr double kFinalRate = 0.01;
 // When the bands are switched on, as fractions of the bake: degree d of T_dir and T_ind at d * kBandEvery, of s from kScatterStart.
 constexpr double kBandEvery = 0.02, kScatterStart = 0.06;
+// Lobe and visibility come in together, when T_dir knows where light comes from; visibility is renewed as the geometry moves.
+constexpr double kSharpStart = 0.06, kVisibilityAt[] = {kSharpStart, 0.16, 0.3, 0.5, 0.8};
+constexpr int kVisibilityOversample = 2;
+constexpr float kInitialSharpness = 15, kInitialLobeColor = 0.05f;
+constexpr float kMinLogSharpness = 0.7f, kMaxLogSharpness = 7.0f; // GGX roughness (square root of alpha) 0.76 down to 0.17
 constexpr float kPositiveWeight = 0.01f, kEnergyWeight = 0.01f;
 
 int functionsOfDegree(int degree) { return (degree + 1) * (degree + 1); }
@@ -44,16 +54,30 @@ public:
         const size_t old = parameters_.count;
         parameters_.resize(count);
         for (size_t i = old; i < count; ++i) {
-            parameters_.value[parameters_.index(i, kTDir)] = 0.5f / 0.28209479f; // T_dir = 0.5 in every direction
-            for (int c = 0; c < 3; ++c) parameters_.value[parameters_.index(i, kRho + c)] = 0.3f;
+            at(i, kTDir) = 0.5f / 0.28209479f; // T_dir = 0.5 in every direction
+            for (int c = 0; c < 3; ++c) at(i, kRho + c) = 0.3f, at(i, kLobeColor + c) = kInitialLobeColor;
+            at(i, kLobe + 2) = 1.0f;
+            at(i, kLobeSharpness) = std::log(kInitialSharpness);
+            at(i, kShadow) = 1.0f;
         }
     }
 
     void copySplat(size_t from, size_t to) override { parameters_.copySplat(from, to); }
-    void permute(std::span<const uint32_t> order) override { parameters_.permute(order); }
-
-    void beginStep(double progress, double pace, int step, const float random[3]) override
+    void permute(std::span<const uint32_t> order) override
     {
+        parameters_.permute(order);
+        shared_.reset();
+    }
+
+    void beginStep(double progress, double pace, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) override
+    {
+        if (progress >= kSharpStart && !normalsKnown_) orientNormals(geometry), normalsKnown_ = true;
+        bands_.lobe = lobeOn_ && normalsKnown_;
+        const int due = int(std::upper_bound(std::begin(kVisibilityAt), std::end(kVisibilityAt), progress) - std::begin(kVisibilityAt));
+        if (visibilityOn_ && due > visibilityRenewed_) {
+            parameters_.visibility = lightVisibility(geometry, kBigsVisibilitySize, kVisibilityOversample);
+            visibilityRenewed_ = due;
+        }
         const int degree = std::min(4, int(progress / kBandEvery));
         bands_.direct = bands_.indirect = functionsOfDegree(degree);
         bands_.scatter = progress < kScatterStart
@@ -62,6 +86,7 @@ public:
         const float fall = float(pace * std::pow(kFinalRate, progress));
         for (const ChannelRow& c : kChannels)
             for (int group = c.group; group <= c.last; ++group) update_.rate[group] = c.rate * fall;
+        sharedRates_ = {kRateSharpness * fall, kRateLobeColor * fall, update_.beta1, update_.beta2};
         update_.step = step;
         update_.positiveWeight = kPositiveWeight / float(parameters_.count);
         update_.energyWeight = kEnergyWeight / float(parameters_.count);
@@ -77,20 +102,41 @@ public:
 
     void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dColors) override
     {
-        bigsBackwardAndStep(parameters_, view, lit, bands_, random_, active, dColors, terms_.data(), update_);
+        bigsBackwardAndStep(parameters_, view, lit, bands_, random_, active, dColors, terms_.data(), update_, lobeGradients_);
+        if (bands_.lobe) stepSharedLobe();
+    }
+
+    std::vector<std::string> optionalParts() const override
+    {
+        std::vector<std::string> parts;
+        if (bands_.lobe) parts.push_back("lobe");
+        if (!parameters_.visibility.empty()) parts.push_back("visibility");
+        return parts;
+    }
+
+    void setPart(const std::string& part, bool on) override
+    {
+        if (part == "lobe") lobeOn_ = bands_.lobe = on;
+        if (part != "visibility" || on == visibilityOn_) return;
+        visibilityOn_ = on;
+        parameters_.visibility.swap(setAside_);
     }
 
     std::vector<Channel> exportChannels() const override
     {
+        const bool shaded = !parameters_.visibility.empty();
         std::vector<Channel> channels;
         for (const ChannelRow& row : kChannels) {
+            const bool used = row.first == kLobe ? bands_.lobe : row.first == kShadow ? shaded : true;
             const int components = row.components > 0 ? row.components : parameters_.coefficients() - row.first;
-            if (components == 0) continue; // left out: no view-dependent term
-            Channel c{row.name, uint32_t(components), std::vector<float>(parameters_.count * components)};
+            if (!used || components == 0) continue;
+            Channel c{row.name, uint32_t(components), std::vector<float>(parameters_.count * size_t(components)), {}};
             for (size_t i = 0; i < parameters_.count; ++i)
-                for (int k = 0; k < components; ++k) c.values[i * components + k] = parameters_.value[parameters_.index(i, row.first + k)];
+                for (int k = 0; k < components; ++k) c.values[i * size_t(components) + size_t(k)] = at(i, row.first + k);
+            if (row.first == kLobe) finishLobes(c.values);
             channels.push_back(std::move(c));
         }
+        if (shaded) channels.push_back({"visibility", kBigsVisibilityTexels, {}, parameters_.visibility});
         return channels;
     }
 
@@ -98,7 +144,9 @@ public:
     {
         out.value(int32_t(parameters_.sFunctions));
         out.value(uint64_t(parameters_.count));
-        out.array(parameters_.value), out.array(parameters_.momentum), out.array(parameters_.secondMoment);
+        out.array(parameters_.value), out.array(parameters_.momentum), out.array(parameters_.secondMoment), out.array(parameters_.visibility);
+        out.value(normalsKnown_), out.value(lobeOn_), out.value(visibilityOn_), out.value(int32_t(visibilityRenewed_));
+        shared_.save(out);
     }
 
     bool load(ByteReader& in) override
@@ -107,16 +155,64 @@ public:
         BigsParameters p;
         p.sFunctions = parameters_.sFunctions;
         p.count = in.value<uint64_t>();
-        in.array(p.value), in.array(p.momentum), in.array(p.secondMoment);
+        in.array(p.value), in.array(p.momentum), in.array(p.secondMoment), in.array(p.visibility);
+        normalsKnown_ = in.value<bool>(), lobeOn_ = in.value<bool>(), visibilityOn_ = in.value<bool>(), visibilityRenewed_ = in.value<int32_t>();
+        if (!shared_.load(in, p.count)) return false;
         const size_t floats = p.blocks() * p.coefficients() * kLanes16;
-        if (in.failed || p.value.size() != floats || p.momentum.size() != floats || p.secondMoment.size() != p.blocks() * kBigsGroups * kLanes16)
+        if (in.failed || p.value.size() != floats || p.momentum.size() != floats || p.secondMoment.size() != p.blocks() * kBigsGroups * kLanes16 ||
+            (!p.visibility.empty() && p.visibility.size() != p.count * kBigsVisibilityTexels))
             return false;
         parameters_ = std::move(p);
         return true;
     }
 
 private:
+    float at(size_t splat, int k) const { return parameters_.value[parameters_.index(splat, k)]; }
+    float& at(size_t splat, int k) { return parameters_.value[parameters_.index(splat, k)]; }
+
+    // A splat's shortest axis is a better normal (3 degrees off in the median on a sphere) than what T_dir says (36 degrees: the lights of
+    // a capture come from one side); T_dir only tells the outside from the inside. Its band 1 is -c3, -c1, c2.
+    void orientNormals(std::span<const GaussianGeometry<float>> geometry)
+    {
+        for (size_t i = 0; i < geometry.size(); ++i) {
+            float unit[4], m[9];
+            detail::normalizeQuaternion(geometry[i].rotation, unit);
+            detail::rotationMatrix(unit, m);
+            const float* s = geometry[i].scale;
+            const int axis = int(std::min_element(s, s + 3) - s);
+            const float lit = -m[axis] * at(i, kTDir + 3) - m[3 + axis] * at(i, kTDir + 1) + m[6 + axis] * at(i, kTDir + 2);
+            for (int k = 0; k < 3; ++k) at(i, kLobe + k) = lit < 0 ? -m[3 * k + axis] : m[3 * k + axis];
+        }
+    }
+
+    void stepSharedLobe()
+    {
+        const std::span<const float> steps = shared_.step(lobeGradients_.gradient, lobeGradients_.active, sharedRates_);
+        for (size_t i = 0; i < parameters_.count; ++i) {
+            if (!lobeGradients_.active[i]) continue;
+            at(i, kLobeSharpness) = std::clamp(at(i, kLobeSharpness) - steps[4 * i], kMinLogSharpness, kMaxLogSharpness);
+            for (int c = 0; c < 3; ++c) at(i, kLobeColor + c) = std::max(0.0f, at(i, kLobeColor + c) - steps[4 * i + 1 + size_t(c)]);
+        }
+    }
+
+    // From how a lobe is trained to how it is evaluated: unit normal, sharpness.
+    static void finishLobes(std::vector<float>& values)
+    {
+        for (size_t i = 0; i < values.size(); i += kBigsLobeFloats) {
+            float* v = &values[i];
+            const float length = std::sqrt(std::max(v[0] * v[0] + v[1] * v[1] + v[2] * v[2], 1e-20f));
+            for (int k = 0; k < 3; ++k) v[k] /= length;
+            v[3] = std::exp(v[3]);
+        }
+    }
+
     BigsParameters parameters_;
+    SharedAdam shared_;
+    SharedAdam::Rates sharedRates_;
+    BigsLobeGradients lobeGradients_;
+    bool normalsKnown_ = false, lobeOn_ = true, visibilityOn_ = true;
+    int visibilityRenewed_ = 0;         // how many of kVisibilityAt are done
+    std::vector<uint8_t> setAside_;     // visibility that was switched off
     BigsBands bands_;
     BigsUpdate update_;
     BigsRandomLight random_;

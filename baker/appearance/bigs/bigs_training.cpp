@@ -9,6 +9,7 @@
 
 #include "appearance/bigs/bigs_backward.h"
 #include "appearance/bigs/bigs_training.h"
+#include "render/simd_math-inl.h"
 
 #include <algorithm>
 #include <cmath>
@@ -18,12 +19,13 @@
 #define NACRE_BIGS_SHARED
 namespace nacre {
 
-constexpr int kTermsPerLight = 7;                                // direct, scatter rgb, indirect rgb
+constexpr int kTermsPerLight = 8;                                // direct, scatter rgb, indirect rgb, 1 - visibility
 
 /// One block's splats, gathered from the per-splat arrays.
 struct BlockInput {
     alignas(64) float position[3][kLanes16];
     uint32_t visible[kLanes16];
+    size_t first;   // splat
     int lanes;      // how many splats the block has
     bool any;       // at least one is visible
 };
@@ -31,6 +33,7 @@ struct BlockInput {
 inline BlockInput gatherBlock(size_t block, const VisibleView& view)
 {
     BlockInput in;
+    in.first = block * kLanes16;
     in.lanes = int(std::min<size_t>(kLanes16, view.geometry.size() - block * kLanes16));
     in.any = false;
     for (int l = 0; l < kLanes16; ++l) {
@@ -93,44 +96,108 @@ void shBasis25(V x, V y, V z, V* out)
     out[24] = mul(0.62583573544917614f, hn::Sub(hn::Mul(xx, xxMinus3yy), hn::Mul(yy, x2MinusY2times3)));
 }
 
-// SH of all directions of one half-block and the irradiance factor of each light. Entry [lightCount] is the random light.
+// All directions of one half-block, their SH, and the irradiance factor of each light. Entry [lightCount] is the random light.
 struct Directions {
+    V toEye[3], toLight[kMaxLightsPerStep][3];
     V yView[25];
     V yLight[kMaxLightsPerStep + 1][25];
     V falloff[kMaxLightsPerStep];
 };
 
-HWY_INLINE void unitSh(V dx, V dy, V dz, V length2, V* out)
+HWY_INLINE void unitSh(V dx, V dy, V dz, V length2, V* unit, V* out)
 {
     const auto usable = hn::Gt(length2, set(1e-20f)); // samplePointLight's +Z where there is no direction
     const V inv = hn::Div(set(1), hn::Sqrt(hn::IfThenElse(usable, length2, set(1))));
-    shBasis25(hn::IfThenElseZero(usable, hn::Mul(dx, inv)), hn::IfThenElseZero(usable, hn::Mul(dy, inv)),
-              hn::IfThenElse(usable, hn::Mul(dz, inv), set(1)), out);
+    unit[0] = hn::IfThenElseZero(usable, hn::Mul(dx, inv)), unit[1] = hn::IfThenElseZero(usable, hn::Mul(dy, inv));
+    unit[2] = hn::IfThenElse(usable, hn::Mul(dz, inv), set(1));
+    shBasis25(unit[0], unit[1], unit[2], out);
 }
 
 void evaluateDirections(const BlockInput& in, int lane, const LitView& view, const BigsRandomLight& random, Directions& d)
 {
     const V px = hn::Load(D(), in.position[0] + lane), py = hn::Load(D(), in.position[1] + lane), pz = hn::Load(D(), in.position[2] + lane);
-    const auto towards = [&](float x, float y, float z, V* out) {
+    const auto towards = [&](float x, float y, float z, V* unit, V* out) {
         const V dx = hn::Sub(set(x), px), dy = hn::Sub(set(y), py), dz = hn::Sub(set(z), pz);
         const V length2 = hn::MulAdd(dx, dx, hn::MulAdd(dy, dy, hn::Mul(dz, dz)));
-        unitSh(dx, dy, dz, length2, out);
+        unitSh(dx, dy, dz, length2, unit, out);
         return length2;
     };
-    towards(view.eye[0], view.eye[1], view.eye[2], d.yView);
+    towards(view.eye[0], view.eye[1], view.eye[2], d.toEye, d.yView);
     for (int t = 0; t < view.lightCount; ++t) {
         const Light& light = view.lights[t];
         if (light.type == LightType::kPoint) {
-            const V length2 = towards(light.position.x, light.position.y, light.position.z, d.yLight[t]);
+            const V length2 = towards(light.position.x, light.position.y, light.position.z, d.toLight[t], d.yLight[t]);
             const float radius = std::max(light.radius, kMinLightRadius);
             d.falloff[t] = hn::Div(set(1), hn::Max(length2, set(radius * radius)));
         } else {
-            shBasis25(set(light.directionToLight.x), set(light.directionToLight.y), set(light.directionToLight.z), d.yLight[t]);
+            for (int k = 0; k < 3; ++k) d.toLight[t][k] = set(light.directionToLight[k]);
+            shBasis25(d.toLight[t][0], d.toLight[t][1], d.toLight[t][2], d.yLight[t]);
             d.falloff[t] = set(1);
         }
     }
     if (random.on) shBasis25(set(random.direction[0]), set(random.direction[1]), set(random.direction[2]), d.yLight[view.lightCount]);
 }
+
+HWY_INLINE V dot(const V* a, const V* b) { return hn::MulAdd(a[0], b[0], hn::MulAdd(a[1], b[1], hn::Mul(a[2], b[2]))); }
+
+// 1 - bigsVisibility towards a light. Four bytes of a map of its own per splat: nothing to gain from SIMD.
+V darkness(const BigsParameters& parameters, const BlockInput& in, int lane, const V* toLight)
+{
+    const D d;
+    alignas(64) float w[3][kN], dark[kN] = {};
+    for (int k = 0; k < 3; ++k) hn::Store(toLight[k], d, w[k]);
+    for (int k = 0; k < kN; ++k) {
+        if (in.visible[lane + k] == ~0u) continue;
+        const float direction[3] = {w[0][k], w[1][k], w[2][k]};
+        dark[k] = 1 - bigsVisibility(&parameters.visibility[(in.first + size_t(lane + k)) * kBigsVisibilityTexels], direction);
+    }
+    return hn::Load(d, dark);
+}
+
+// Twin of bigsLobe and its part of bigsSharpBackward.
+struct Lobe {
+    V normal[3], inverseLength, sharpness, color[3];
+
+    explicit Lobe(const float* value)
+    {
+        const D d;
+        V raw[3];
+        for (int k = 0; k < 3; ++k) raw[k] = hn::Load(d, value + (kLobe + k) * kLanes16), color[k] = hn::Load(d, value + (kLobeColor + k) * kLanes16);
+        inverseLength = hn::Div(set(1), hn::Sqrt(hn::Max(dot(raw, raw), set(1e-20f))));
+        for (int k = 0; k < 3; ++k) normal[k] = hn::Mul(raw[k], inverseLength);
+        sharpness = exp2(d, hn::Mul(set(1.44269504f), hn::Load(d, value + kLobeSharpness * kLanes16)));
+    }
+
+    struct Shape {
+        V half[3], cosine, u, front, shape;
+    };
+    Shape at(const V* toEye, const V* toLight) const
+    {
+        Shape s;
+        for (int k = 0; k < 3; ++k) s.half[k] = hn::Add(toEye[k], toLight[k]);
+        const V length2 = dot(s.half, s.half), inv = hn::Div(set(1), hn::Sqrt(hn::Max(length2, set(1e-12f))));
+        for (int k = 0; k < 3; ++k) s.half[k] = hn::Mul(s.half[k], inv);
+        s.cosine = hn::Max(dot(normal, s.half), zero());
+        s.u = hn::Div(set(1), hn::MulAdd(sharpness, hn::Max(hn::NegMulAdd(s.cosine, s.cosine, set(1)), zero()), set(1)));
+        s.front = hn::Max(hn::Mul(set(kBigsLobeFacing), dot(normal, toLight)), zero());
+        s.shape = hn::IfThenElseZero(hn::Gt(length2, set(1e-12f)), hn::Mul(hn::Mul(s.u, s.u), hn::Min(s.front, set(1))));
+        return s;
+    }
+    // dShape -> raw normal and log sharpness, added
+    void backward(const Shape& s, const V* toLight, V dShape, V* dNormal, V* dLogSharpness) const
+    {
+        dShape = hn::IfThenElseZero(hn::Gt(s.shape, zero()), dShape);
+        const V u2 = hn::Mul(s.u, s.u), dU = hn::Mul(hn::Mul(set(2), dShape), hn::Mul(s.u, hn::Min(s.front, set(1))));
+        const V x = hn::Mul(hn::Mul(dU, u2), sharpness); // -d sine2
+        const V dCosine = hn::Mul(hn::Mul(set(2), s.cosine), x);
+        *dLogSharpness = hn::NegMulAdd(x, hn::Max(hn::NegMulAdd(s.cosine, s.cosine, set(1)), zero()), *dLogSharpness);
+        const V dFront = hn::IfThenElseZero(hn::Lt(s.front, set(1)), hn::Mul(hn::Mul(dShape, u2), set(kBigsLobeFacing)));
+        V d[3];
+        for (int k = 0; k < 3; ++k) d[k] = hn::MulAdd(dCosine, s.half[k], hn::Mul(dFront, toLight[k]));
+        const V along = dot(d, normal);
+        for (int k = 0; k < 3; ++k) dNormal[k] = hn::MulAdd(inverseLength, hn::NegMulAdd(along, normal[k], d[k]), dNormal[k]);
+    }
+};
 
 // a[i][c] = sum_j c_ij,c y_j(w_o), twin of bigsContractView.
 void contractView(const float* s, int functions, const V* yView, V* a)
@@ -209,12 +276,22 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
         Directions dir;
         evaluateDirections(in, lane, view, random, dir);
         Terms t[kMaxLightsPerStep + 1];
-        evaluateTermsAny(lights, parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane, bands, dir, t);
+        const float* value = parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane;
+        evaluateTermsAny(lights, value, bands, dir, t);
+        const Lobe lobe(value);
+        const V shadow = hn::Load(d, value + kShadow * kLanes16);
         for (int l = 0; l < lights; ++l) {
+            V dark = zero(), shape = zero();
+            if (l < view.lightCount) {
+                if (!parameters.visibility.empty()) dark = darkness(parameters, in, lane, dir.toLight[l]);
+                if (bands.lobe) shape = lobe.at(dir.toEye, dir.toLight[l]).shape;
+            }
+            const V lit = hn::NegMulAdd(shadow, dark, set(1));
+            hn::Store(dark, d, lanes[10]);
             for (int c = 0; c < 3; ++c) {
                 if (l < view.lightCount) {
-                    const V transport =
-                        hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), hn::Max(t[l].indirect[c], zero()));
+                    const V sharp = hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), hn::Mul(lobe.color[c], shape));
+                    const V transport = hn::MulAdd(lit, sharp, hn::Max(t[l].indirect[c], zero()));
                     hn::Store(hn::Mul(hn::Mul(transport, dir.falloff[l]), set(view.lights[l].intensity[c])), d, lanes[c]);
                 }
                 hn::Store(t[l].scatter[c], d, lanes[4 + c]);
@@ -264,21 +341,22 @@ HWY_INLINE V gate(V value, V gradient)
 }
 
 void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& in, const uint8_t* active, const LitView& view,
-                   const BigsBands& bands, const BigsRandomLight& random, const float* dColors, const float* terms, const BigsUpdate& update)
+                   const BigsBands& bands, const BigsRandomLight& random, const float* dColors, const float* terms, const BigsUpdate& update,
+                   BigsLobeGradients& lobeGradients)
 {
     const D d;
     const int lights = view.lightCount + (random.on ? 1 : 0);
-    alignas(64) float scratch[kN];
+    alignas(64) float scratch[kN], scratchOn[kN];
     for (int lane = 0; lane < kLanes16; lane += kN) {
         bool any = false;
         for (int k = 0; k < kN; ++k) {
             const uint32_t v = in.visible[lane + k];
             const bool on = v != ~0u && active[v];
-            scratch[k] = on ? 1.0f : 0.0f;
+            scratchOn[k] = on ? 1.0f : 0.0f;
             any = any || on;
         }
         if (!any) continue;
-        const auto on = hn::Gt(hn::Load(d, scratch), zero());
+        const auto on = hn::Gt(hn::Load(d, scratchOn), zero());
         float* value = parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane;
         float* momentum = parameters.momentum.data() + block * parameters.coefficients() * kLanes16 + lane;
         float* second = parameters.secondMoment.data() + block * kBigsGroups * kLanes16 + lane;
@@ -293,6 +371,9 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         Directions dir;
         evaluateDirections(in, lane, view, random, dir);
         Terms t[kMaxLightsPerStep + 1], g[kMaxLightsPerStep + 1];
+        const Lobe lobe(value);
+        const V shadow = hn::Load(d, value + kShadow * kLanes16);
+        V dShadow = zero(), dNormal[3] = {zero(), zero(), zero()}, dLogSharpness = zero(), dLobeColor[3] = {zero(), zero(), zero()};
         for (int l = 0; l < lights; ++l) {
             t[l].direct = gather(terms, kBigsTermStride, kTermsPerLight * l);
             for (int c = 0; c < 3; ++c) {
@@ -301,16 +382,29 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
             }
         }
         for (int l = 0; l < lights; ++l) {
-            V dDirect = zero();
+            const V dark = gather(terms, kBigsTermStride, kTermsPerLight * l + 7), lit = hn::NegMulAdd(shadow, dark, set(1));
+            const V direct = hn::Max(t[l].direct, zero());
+            V dTransport[3], dUnshadowed = zero();
             for (int c = 0; c < 3; ++c) {
-                V dTransport = zero();
+                dTransport[c] = zero();
                 if (l < view.lightCount)
-                    dTransport = hn::Mul(hn::Mul(gather(dColors, 16, 3 * l + c), dir.falloff[l]), set(view.lights[l].intensity[c]));
-                dDirect = hn::MulAdd(dTransport, hn::Max(t[l].scatter[c], zero()), dDirect);
-                g[l].scatter[c] = gate(t[l].scatter[c], hn::Mul(dTransport, hn::Max(t[l].direct, zero())));
-                g[l].indirect[c] = gate(t[l].indirect[c], dTransport);
+                    dTransport[c] = hn::Mul(hn::Mul(gather(dColors, 16, 3 * l + c), dir.falloff[l]), set(view.lights[l].intensity[c]));
+                dUnshadowed = hn::MulAdd(dTransport[c], hn::Max(t[l].scatter[c], zero()), dUnshadowed);
+                g[l].scatter[c] = gate(t[l].scatter[c], hn::Mul(hn::Mul(dTransport[c], lit), direct));
+                g[l].indirect[c] = gate(t[l].indirect[c], dTransport[c]);
             }
-            g[l].direct = gate(t[l].direct, dDirect);
+            g[l].direct = gate(t[l].direct, hn::Mul(dUnshadowed, lit));
+            dShadow = hn::NegMulAdd(dark, hn::Mul(dUnshadowed, direct), dShadow);
+            if (bands.lobe && l < view.lightCount) {
+                const Lobe::Shape s = lobe.at(dir.toEye, dir.toLight[l]);
+                V dShape = zero();
+                for (int c = 0; c < 3; ++c) {
+                    dLobeColor[c] = hn::MulAdd(hn::Mul(dTransport[c], lit), s.shape, dLobeColor[c]);
+                    dShape = hn::MulAdd(dTransport[c], lobe.color[c], dShape);
+                }
+                dShadow = hn::NegMulAdd(dark, hn::Mul(dShape, s.shape), dShadow);
+                lobe.backward(s, dir.toLight[l], hn::Mul(dShape, lit), dNormal, &dLogSharpness);
+            }
             if (update.positiveWeight > 0) {
                 const V w = set(2 * update.positiveWeight);
                 g[l].direct = hn::MulAdd(w, hn::Min(t[l].direct, zero()), g[l].direct);
@@ -383,6 +477,26 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
             }
         }
 
+        if (bands.lobe) {
+            for (int k = 0; k < 3; ++k) gradient[k] = dNormal[k];
+            if (update.rate[kGroupNormal] > 0) stepGroup(kGroupNormal, kLobe, 3);
+            alignas(64) float out[4][kN];
+            hn::Store(dLogSharpness, d, out[0]);
+            for (int c = 0; c < 3; ++c) hn::Store(dLobeColor[c], d, out[1 + c]);
+            for (int k = 0; k < kN; ++k) {
+                const size_t splat = in.first + size_t(lane + k);
+                if (scratchOn[k] == 0.0f) continue;
+                lobeGradients.active[splat] = 1;
+                for (int j = 0; j < 4; ++j) lobeGradients.gradient[4 * splat + size_t(j)] = out[j][k];
+            }
+        }
+        if (!parameters.visibility.empty() && update.rate[kGroupShadow] > 0) {
+            gradient[0] = dShadow;
+            stepGroup(kGroupShadow, kShadow, 1);
+            float* x = value + kShadow * kLanes16;
+            hn::Store(hn::Min(hn::Max(hn::Load(d, x), zero()), set(1)), d, x);
+        }
+
         // s, degree by degree. The mean square of a degree's gradient has a closed form from four running sums per channel:
         // sum_{a<b} (h_a y_b + h_b y_a)^2 + sum_a (h_a y_a)^2 = |h|^2 |y|^2 + (h.y)^2 - sum_a (h_a y_a)^2
         V yy = zero(), hh[3], hy[3], diagonal[3];
@@ -441,6 +555,7 @@ void BigsParameters::resize(size_t newCount)
     value.resize(blocks() * coefficients() * kLanes16);
     momentum.resize(value.size());
     secondMoment.resize(blocks() * kBigsGroups * kLanes16);
+    if (!visibility.empty()) visibility.resize(count * kBigsVisibilityTexels, 255);
     for (size_t i = old; i < count; ++i) { // the last block may hold what was there before an earlier shrink
         for (int k = 0; k < coefficients(); ++k) value[index(i, k)] = momentum[index(i, k)] = 0.0f;
         for (int k = 0; k < kBigsGroups; ++k) secondMoment[(i / kLanes16 * kBigsGroups + k) * kLanes16 + i % kLanes16] = 0.0f;
@@ -450,6 +565,8 @@ void BigsParameters::resize(size_t newCount)
 void BigsParameters::copySplat(size_t from, size_t to)
 {
     for (int k = 0; k < coefficients(); ++k) value[index(to, k)] = value[index(from, k)], momentum[index(to, k)] = 0.0f;
+    if (!visibility.empty())
+        std::copy_n(&visibility[from * kBigsVisibilityTexels], kBigsVisibilityTexels, &visibility[to * kBigsVisibilityTexels]);
     for (int k = 0; k < kBigsGroups; ++k) secondMoment[(to / kLanes16 * kBigsGroups + k) * kLanes16 + to % kLanes16] = 0.0f;
 }
 
@@ -465,6 +582,11 @@ void BigsParameters::permute(std::span<const uint32_t> order)
     apply(value, coefficients());
     apply(momentum, coefficients());
     apply(secondMoment, kBigsGroups);
+    if (visibility.empty()) return;
+    std::vector<uint8_t> moved(visibility.size());
+    for (size_t i = 0; i < order.size(); ++i)
+        std::copy_n(&visibility[order[i] * kBigsVisibilityTexels], kBigsVisibilityTexels, &moved[i * kBigsVisibilityTexels]);
+    visibility.swap(moved);
 }
 
 void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
@@ -479,12 +601,13 @@ void bigsForward(const BigsParameters& parameters, const VisibleView& view, cons
 
 void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
                          const BigsRandomLight& random, const uint8_t* active, const float* dColors, const float* terms,
-                         const BigsUpdate& update)
+                         const BigsUpdate& update, BigsLobeGradients& lobe)
 {
+    if (bands.lobe) lobe.gradient.assign(4 * parameters.count, 0.0f), lobe.active.assign(parameters.count, 0);
     const auto run = HWY_DYNAMIC_DISPATCH(backwardBlock);
     tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
         const BlockInput in = gatherBlock(block, view);
-        if (in.any) run(parameters, block, in, active, lit, bands, random, dColors, terms, update);
+        if (in.any) run(parameters, block, in, active, lit, bands, random, dColors, terms, update, lobe);
     });
 }
 

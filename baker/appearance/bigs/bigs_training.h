@@ -1,9 +1,10 @@
 // bigs on the training side: coefficients of all splats, evaluated and updated with SIMD over splats.
 //
 // Layout: blocks of 16 splats, one cache line per coefficient: value[(block * coefficients + k) * 16 + lane]. Coefficients in the order
-// tDir 25, tInd 25x3, rho 3, s pairs x3. The gradient is never stored: the Adam step follows in registers. Adam keeps a momentum per
-// coefficient but one second moment per splat and group (tDir, tInd, rho, each degree of s): a third less traffic in a step that is
-// bound by memory, and noise averaged over the group.
+// tDir 25, tInd 25x3, rho 3, lobe 7 (normal of any length, log sharpness, k rgb), shadow 1, s pairs x3. The gradient is never stored: the
+// Adam step follows in registers. Adam keeps a momentum per coefficient but one second moment per splat and group (tDir, tInd, rho, each
+// degree of s): a third less traffic in a step that is bound by memory, and noise averaged over the group. Only sharpness and k are
+// stepped elsewhere (SharedAdam): few images show a splat its highlight, so neighbours learn together.
 #pragma once
 
 #include "appearance/bigs/bigs.h"
@@ -18,15 +19,17 @@ namespace nacre {
 
 constexpr int kLanes16 = 16;
 
-constexpr int kTDir = 0, kTInd = 25, kRho = 100, kScatter = 103; // first coefficient of each channel
+constexpr int kTDir = 0, kTInd = 25, kRho = 100, kLobe = 103, kShadow = 110, kScatter = 111; // first coefficient of each channel
+constexpr int kLobeSharpness = kLobe + 3, kLobeColor = kLobe + 4;
 
-enum BigsGroup { kGroupDirect, kGroupIndirect, kGroupRho, kGroupScatter0, kBigsGroups = kGroupScatter0 + 5 };
+enum BigsGroup { kGroupDirect, kGroupIndirect, kGroupRho, kGroupNormal, kGroupShadow, kGroupScatter0, kBigsGroups = kGroupScatter0 + 5 };
 
 struct BigsParameters {
     int sFunctions = 0;               // 0, 1, 4, 9, 16 or 25
     size_t count = 0;
     AlignedVector<float> value, momentum; // [blocks][coefficients()][16]
     AlignedVector<float> secondMoment;    // [blocks][kBigsGroups][16]
+    std::vector<uint8_t> visibility;      // [count][kBigsVisibilityTexels]; empty: nothing shades anything
 
     int coefficients() const { return kScatter + 3 * bigsPairCount(sFunctions); }
     size_t blocks() const { return (count + kLanes16 - 1) / kLanes16; }
@@ -38,9 +41,10 @@ struct BigsParameters {
     void permute(std::span<const uint32_t> order);
 };
 
-/// How many SH functions of each channel are in use: bands are switched on one after the other.
+/// How many SH functions of each channel are in use (bands are switched on one after the other), and whether the lobe is.
 struct BigsBands {
     int direct = 25, indirect = 25, scatter = 0;
+    bool lobe = false;
 };
 
 /// One direction more, without radiance, at which the regularisers are evaluated (BiGS section 5.1).
@@ -56,7 +60,13 @@ struct BigsUpdate {
     float positiveWeight = 0, energyWeight = 0; // of BiGS eq. 15 and 14, already divided by the number of splats
 };
 
-constexpr int kBigsTermStride = 36;   // floats per visible splat: 7 per light and for the random light
+constexpr int kBigsTermStride = 40;   // floats per visible splat: 8 per light and for the random light
+
+/// Gradient of sharpness and k, for SharedAdam: [splat][4] d log sharpness, d k; active[splat] if the splat took part.
+struct BigsLobeGradients {
+    std::vector<float> gradient;
+    std::vector<uint8_t> active;
+};
 
 /// Colours (radiance) of the visible splats: colors[visible][16], three per light. Keeps the unclamped terms
 /// [visible][kBigsTermStride] for the backward pass.
@@ -64,8 +74,9 @@ void bigsForward(const BigsParameters& parameters, const VisibleView& view, cons
                  const BigsRandomLight& random, float* colors, float* terms);
 
 /// One Adam step of every visible splat with active[visible] != 0 from dColors[visible][16], after bigsForward of the same arguments.
+/// With bands.lobe, overwrites `lobe`.
 void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
                          const BigsRandomLight& random, const uint8_t* active, const float* dColors, const float* terms,
-                         const BigsUpdate& update);
+                         const BigsUpdate& update, BigsLobeGradients& lobe);
 
 } // namespace nacre

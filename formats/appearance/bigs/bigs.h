@@ -24,7 +24,7 @@ constexpr int kBigsTransportFunctions = 25;
 constexpr int kBigsLobeFloats = 7;         // unit normal, sharpness 1/alpha^2 - 1 of GGX, k rgb
 constexpr int kBigsVisibilitySize = 16;    // texels per side
 constexpr int kBigsVisibilityTexels = kBigsVisibilitySize * kBigsVisibilitySize;
-constexpr float kBigsVisibilitySlope = 2.5f;
+constexpr float kBigsVisibilitySlope = 4.0f;
 constexpr float kBigsLobeFacing = 4.0f;
 
 NACRE_HD constexpr int bigsPairCount(int sFunctions) { return sFunctions * (sFunctions + 1) / 2; }

@@ -1,0 +1,78 @@
+#include "appearance/shared_adam.h"
+
+#include <cmath>
+
+namespace nacre {
+
+constexpr int kShifts[] = {0, 4, 7, 10}; // log2 of the groups' sizes
+constexpr float kStill = 0.1f;
+
+static size_t groupCount(size_t count, int shift) { return count == 0 ? 0 : ((count - 1) >> shift) + 1; }
+
+void SharedAdam::stepLevel(Level& level, int shift, std::span<const float> gradient, std::span<const uint8_t> active, const Rates& rates)
+{
+    const size_t count = active.size(), groups = groupCount(count, shift);
+    if (level.momentum.size() != groups * kNumbers) level = {0, std::vector<float>(groups * kNumbers), std::vector<float>(groups * 2)};
+    sums_.assign(groups * kNumbers, 0.0f), on_.assign(groups, 0);
+    for (size_t i = 0; i < count; ++i) {
+        if (!active[i]) continue;
+        const size_t g = i >> shift;
+        on_[g] = 1;
+        for (size_t k = 0; k < kNumbers; ++k) sums_[g * kNumbers + k] += gradient[i * kNumbers + k];
+    }
+    ++level.steps;
+    double meanFirst = 0, meanRest = 0;
+    for (size_t g = 0; g < groups; ++g) {
+        float *m = &level.momentum[g * kNumbers], *v = &level.second[g * 2];
+        if (on_[g]) {
+            const float* x = &sums_[g * kNumbers];
+            for (size_t k = 0; k < kNumbers; ++k) m[k] += (1 - rates.beta1) * (x[k] - m[k]);
+            v[0] += (1 - rates.beta2) * (x[0] * x[0] - v[0]);
+            v[1] += (1 - rates.beta2) * ((x[1] * x[1] + x[2] * x[2] + x[3] * x[3]) / 3 - v[1]);
+        }
+        meanFirst += v[0], meanRest += v[1];
+    }
+    const float correction1 = 1 - std::pow(rates.beta1, float(level.steps)), correction2 = 1 - std::pow(rates.beta2, float(level.steps));
+    const auto floorOf = [&](double mean) { return kStill * std::sqrt(float(mean / double(groups)) / correction2) + 1e-15f; };
+    const float stillFirst = floorOf(meanFirst), stillRest = floorOf(meanRest);
+    for (size_t g = 0; g < groups; ++g) { // sums_ now holds the steps
+        const float* v = &level.second[g * 2];
+        const float first = rates.first / correction1 / (std::sqrt(v[0] / correction2) + stillFirst);
+        const float rest = rates.rest / correction1 / (std::sqrt(v[1] / correction2) + stillRest);
+        for (size_t k = 0; k < kNumbers; ++k) sums_[g * kNumbers + k] = level.momentum[g * kNumbers + k] * (k == 0 ? first : rest);
+    }
+    for (size_t i = 0; i < count; ++i)
+        if (active[i])
+            for (size_t k = 0; k < kNumbers; ++k) deltas_[i * kNumbers + k] += sums_[(i >> shift) * kNumbers + k];
+}
+
+std::span<const float> SharedAdam::step(std::span<const float> gradient, std::span<const uint8_t> active, const Rates& rates)
+{
+    levels_.resize(std::size(kShifts));
+    deltas_.assign(gradient.size(), 0.0f);
+    for (size_t k = 0; k < levels_.size(); ++k) stepLevel(levels_[k], kShifts[k], gradient, active, rates);
+    return deltas_;
+}
+
+void SharedAdam::save(ByteWriter& out) const
+{
+    out.value(uint32_t(levels_.size()));
+    for (const Level& level : levels_) out.value(int32_t(level.steps)), out.array(level.momentum), out.array(level.second);
+}
+
+bool SharedAdam::load(ByteReader& in, size_t count)
+{
+    const uint32_t n = in.value<uint32_t>();
+    if (in.failed || (n != 0 && n != std::size(kShifts))) return false;
+    levels_.assign(n, {});
+    for (size_t k = 0; k < n; ++k) {
+        Level& level = levels_[k];
+        level.steps = in.value<int32_t>();
+        in.array(level.momentum), in.array(level.second);
+        const size_t groups = groupCount(count, kShifts[k]);
+        if (in.failed || level.momentum.size() != groups * kNumbers || level.second.size() != groups * 2 || level.steps < 0) return false;
+    }
+    return true;
+}
+
+} // namespace nacre
