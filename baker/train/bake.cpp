@@ -39,7 +39,7 @@ constexpr double kCheckpointSeconds = 60, kCheckpointProgress = 0.05; // whichev
 constexpr double kCheckpointPause = 100, kCheckpointLeast = 1;         // but no sooner than this many times what the last one took, or seconds
 constexpr double kReferenceSteps = 3000;     // the learning rates are tuned for a bake of this length
 constexpr int kRefineLightsEvery = 8;        // steps
-constexpr double kRefineLightsFrom = 0.15;   // of the bake: before, the splats are still too wrong to tell
+constexpr double kRefineLightsFrom = 0.1;    // of the bake: before, the splats are still too wrong to tell
 constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -269,10 +269,10 @@ Result<LossStats> Bake::trainStep(const Trainer::Moment& moment)
         lights[i] = refinement_ ? refinement_->light(view.images[i]) : train_->images[view.images[i]].light;
     }
     const Camera& camera = train_->cameras[view.camera];
-    const LossStats stats = trainer_->step(camera, std::span(lights, view.images.size()), references, moment);
+    // before the step, when the splats have not just been fitted to these images
     if (refinement_ && moment.progress >= kRefineLightsFrom && moment.step % kRefineLightsEvery == 0)
         refinement_->observe(view.images, references, [&](std::span<const Light> l, std::vector<float>& planes) { trainer_->render(camera, l, planes); });
-    return stats;
+    return trainer_->step(camera, std::span(lights, view.images.size()), references, moment);
 }
 
 Status Bake::track()

@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kSigma[3] = {0.03, kDegree, kDegree}; // how wrong a light usually is
-constexpr double kErrTogether = 100;  // pixels and channels of a view that share their error: they count as one against the prior
+constexpr double kSamplesPerView = 20; // against the prior: a model's errors are as wide as its parts, however many pixels show them
 constexpr double kForget = 0.9;       // per view of the light
 constexpr double kProbe = 2 * kDegree; // displacement of the differences: wider than the noise of a render, narrower than a shadow's blur
 constexpr double kMostGain = 0.02, kMostTurn = 0.5 * kDegree; // of one solution: the splats have to follow
@@ -132,23 +132,27 @@ void LightRefinement::observe(std::span<const uint32_t> images, const PreparedIm
 
         for (double& h : e.hessian) h *= kForget;
         for (double& g : e.gradient) g *= kForget;
-        e.error *= kForget, e.samples *= kForget;
+        e.error *= kForget, e.recent *= kForget;
+        RowSums sum;
         for (const RowSums& row : rows) {
-            for (int k = 0; k < 6; ++k) e.hessian[k] += row.hessian[k];
-            for (int k = 0; k < 3; ++k) e.gradient[k] += row.gradient[k];
-            e.error += row.error, e.samples += row.samples;
+            for (int k = 0; k < 6; ++k) sum.hessian[k] += row.hessian[k];
+            for (int k = 0; k < 3; ++k) sum.gradient[k] += row.gradient[k];
+            sum.error += row.error, sum.samples += row.samples;
         }
-        ++e.views;
+        if (sum.samples == 0) continue;
+        for (int k = 0; k < 6; ++k) e.hessian[k] += sum.hessian[k] / sum.samples;
+        for (int k = 0; k < 3; ++k) e.gradient[k] += sum.gradient[k] / sum.samples;
+        e.error += sum.error / sum.samples;
+        ++e.recent, ++e.views;
         solve(e);
     }
     removeCommon();
 }
 
-// The prior's scale is the mean error per sample: that of noise, and of what the splats do not hold yet.
+// The prior's scale is the mean error: that of noise, and of what the splats do not hold yet.
 void LightRefinement::solve(LightEvidence& e) const
 {
-    if (e.samples == 0) return;
-    const double prior = kErrTogether * (e.error / e.samples + 1e-4); // images without any error leave the prior a little
+    const double prior = (e.error / e.recent + 1e-4) / kSamplesPerView; // images without any error leave the prior a little
     const double* h = e.hessian;
     const auto ridge = [&](int k) { return prior / (kSigma[k] * kSigma[k]); };
     const glm::dmat3 normal(h[0] + ridge(0), h[1], h[2], h[1], h[3] + ridge(1), h[4], h[2], h[4], h[5] + ridge(2));
@@ -199,7 +203,7 @@ bool LightRefinement::restore(std::vector<LightEvidence> evidence)
 {
     if (evidence.size() != places_.size()) return false;
     for (const LightEvidence& e : evidence) {
-        double sum = e.error + e.samples + e.views;
+        double sum = e.error + e.recent + e.views;
         for (double v : e.x) sum += v;
         for (double v : e.hessian) sum += v;
         for (double v : e.gradient) sum += v;

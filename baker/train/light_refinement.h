@@ -5,10 +5,13 @@
 // derivatives J with respect to x: the render itself for the gain, differences of renders under displaced lights for the turn; nothing
 // needs to be known of the appearance model. x minimises
 //
-//   sum over views, pixels, channels of w (r - J (x - x at the view))^2  +  prior (x_k / sigma_k)^2,   w = 1 / (|r| + a little),
+//   sum over views, mean over pixels and channels, of w (r - J (x - x at the view))^2  +  prior (x_k / sigma_k)^2,   w = 1 / (|r| + a little),
 //
 // which is an absolute error, as in the training loss, so that highlights and shadows that the splats cannot hold count little. Old views
 // are forgotten exponentially, because the splats that were rendered then are gone.
+//
+// Splats with a coefficient per light could hold any error of a light; only what many lights force upon them is left to see. With few
+// lights, or one image of each, the prior therefore keeps the corrections near zero.
 //
 // What all lights have in common cannot be told from the look of the object: the gains keep the geometric mean 1, and the turns contain
 // no rotation of the light stage as a whole.
@@ -26,9 +29,9 @@ namespace nacre {
 /// What is known of one light. Doubles only, without padding: checkpoints hold it as it stands.
 struct LightEvidence {
     double x[3] = {0, 0, 0};       // the correction: log gain, turn along the two tangents
-    double hessian[6] = {};        // sums of w J_i J_k: 00, 01, 02, 11, 12, 22
-    double gradient[3] = {};       // sums of w J_i (r + J x)
-    double error = 0, samples = 0; // sums of |r| and of 1
+    double hessian[6] = {};        // sums over views of the mean of w J_i J_k: 00, 01, 02, 11, 12, 22
+    double gradient[3] = {};       // the same of w J_i (r + J x)
+    double error = 0, recent = 0;  // sums of |r| and of 1
     double views = 0;              // so far, none forgotten
 };
 
