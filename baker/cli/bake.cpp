@@ -7,6 +7,8 @@
 #include "pack/neutral_look.h"
 #include "train/bake.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <sys/resource.h>
@@ -58,6 +60,31 @@ static Json historyJson(const std::vector<HistoryPoint>& history)
     return out;
 }
 
+static Json lightsJson(const std::vector<RefinedLight>& lights)
+{
+    Json out = Json::array();
+    for (const RefinedLight& l : lights) {
+        const bool point = l.stated.type == LightType::kPoint;
+        const auto place = [&](const Light& light) {
+            const glm::vec3& v = point ? light.position : light.directionToLight;
+            return Json{v.x, v.y, v.z};
+        };
+        out.push_back({{"type", point ? "point" : "directional"}, {point ? "position" : "direction_to_light", place(l.stated)},
+                       {"refined", place(l.refined)}, {"degrees", l.degrees}, {"gain", l.gain}, {"views", l.views}});
+    }
+    return out;
+}
+
+/// How far the lights were moved. A capture that is well measured has small numbers here.
+static std::string lightsText(const std::vector<RefinedLight>& lights)
+{
+    std::vector<double> degrees, percent;
+    for (const RefinedLight& l : lights) degrees.push_back(l.degrees), percent.push_back(100 * std::abs(l.gain - 1));
+    std::sort(degrees.begin(), degrees.end()), std::sort(percent.begin(), percent.end());
+    return format("%zu lights refined: median correction %.2f degrees and %.1f %% of gain, largest %.2f degrees and %.1f %%", lights.size(),
+                  degrees[degrees.size() / 2], percent[percent.size() / 2], degrees.back(), percent.back());
+}
+
 static Status runBake(BakeArguments args)
 {
     if (args.device == "cuda")
@@ -104,18 +131,20 @@ static Status runBake(BakeArguments args)
                 double(bytes) / double(splats));
     std::printf("%d iterations in %.1f s on the cpu%s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations, result->seconds,
                 args.device == "auto" ? " (auto: no CUDA baker in this build)" : "", result->psnrTrain, double(peak) / 1048576.0);
+    if (!result->lights.empty()) std::printf("%s\n", lightsText(result->lights).c_str());
     if (args.json.empty()) return ok();
-    return writeJson({{"model", result->asset.model},
-                      {"splats", splats},
-                      {"iterations", result->iterations},
-                      {"seconds", result->seconds},
-                      {"device", "cpu"},
-                      {"seed", options.seed},
-                      {"psnr_train", result->psnrTrain},
-                      {"peak_rss_bytes", peak},
-                      {"asset_bytes", bytes},
-                      {"history", historyJson(result->history)}},
-                     args.json);
+    Json figures = {{"model", result->asset.model},
+                    {"splats", splats},
+                    {"iterations", result->iterations},
+                    {"seconds", result->seconds},
+                    {"device", "cpu"},
+                    {"seed", options.seed},
+                    {"psnr_train", result->psnrTrain},
+                    {"peak_rss_bytes", peak},
+                    {"asset_bytes", bytes},
+                    {"history", historyJson(result->history)}};
+    if (options.refineLights) figures["lights"] = lightsJson(result->lights);
+    return writeJson(figures, args.json);
 }
 
 Action addBake(CLI::App& app)
@@ -141,6 +170,8 @@ Action addBake(CLI::App& app)
     sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(numberBetween(0, 1));
+    sub->add_flag("--refine-lights", o.refineLights,
+                  "Correct gain and direction of each training light on the way, for captures that are off by a few per cent or degrees");
     sub->add_flag("--resume", o.resume, "Go on from the checkpoint ASSET.glb.ckpt that an interrupted bake has left");
     sub->add_option("--json", args->json, "Write figures of the bake, and its held-out error over time, to this file");
     sub->footer("Ctrl-C and SIGTERM write a checkpoint next to the output; --resume goes on from there.");

@@ -38,6 +38,8 @@ constexpr double kGrowth = 1.06;            // per densification
 constexpr double kCheckpointSeconds = 60, kCheckpointProgress = 0.05; // whichever comes first,
 constexpr double kCheckpointPause = 100, kCheckpointLeast = 1;         // but no sooner than this many times what the last one took, or seconds
 constexpr double kReferenceSteps = 3000;     // the learning rates are tuned for a bake of this length
+constexpr int kRefineLightsEvery = 8;        // steps
+constexpr double kRefineLightsFrom = 0.1;    // of the bake: before, the splats are still too wrong to tell
 constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -135,6 +137,7 @@ private:
     std::unique_ptr<TrainingImages> images_, heldOutImages_;
     std::unique_ptr<StepOrder> order_;
     std::unique_ptr<Trainer> trainer_;
+    std::unique_ptr<LightRefinement> refinement_; // with refineLights
     BakeState state_;
     BakeResult result_;
 };
@@ -144,7 +147,7 @@ uint64_t Bake::optionsHash() const
     uint64_t hash = kFnvOffset;
     for (const std::string& text : {dataset_.convention, options_.model, options_.quality}) hash = fnv1a(text.data(), text.size() + 1, hash);
     const auto add = [&](const auto& x) { hash = fnv1a(&x, sizeof x, hash); };
-    add(iterations_), add(options_.minutes), add(options_.seed), add(options_.maxSplats), add(options_.sFunctions), add(options_.dssim);
+    add(iterations_), add(options_.minutes), add(options_.seed), add(options_.maxSplats), add(options_.sFunctions), add(options_.dssim), add(options_.refineLights);
     for (const Camera& c : train_->cameras) add(c.width), add(c.height), add(c.fx), add(c.fy), add(c.cx), add(c.cy), add(c.worldFromCamera);
     for (const OlatImage& image : train_->images) {
         const Light& l = image.light;
@@ -243,6 +246,7 @@ Status Bake::prepare()
     for (const SurfacePoint& p : hull.surface)
         for (int k = 0; k < 3; ++k) extent = std::max(extent, std::abs(p.position[k] - hull.center[k]));
     trainerOptions.sceneSize = extent > 0 ? extent : hull.halfSize;
+    if (options_.refineLights) refinement_ = std::make_unique<LightRefinement>(*train_, glm::vec3(hull.center[0], hull.center[1], hull.center[2]));
     const size_t initial = std::max<size_t>(1, size_t(kInitialShare * options_.maxSplats));
     const bool onSurface = !hull.surface.empty();
     const double spacing = onSurface ? std::sqrt(hull.surfaceArea / double(initial)) : 2.0 * hull.halfSize / std::cbrt(double(initial));
@@ -262,9 +266,13 @@ Result<LossStats> Bake::trainStep(const Trainer::Moment& moment)
         if (!image) return image.error();
         held.push_back(*image);
         references[i] = held.back().get();
-        lights[i] = train_->images[view.images[i]].light;
+        lights[i] = refinement_ ? refinement_->light(view.images[i]) : train_->images[view.images[i]].light;
     }
-    return trainer_->step(train_->cameras[view.camera], std::span(lights, view.images.size()), references, moment);
+    const Camera& camera = train_->cameras[view.camera];
+    // before the step, when the splats have not just been fitted to these images
+    if (refinement_ && moment.progress >= kRefineLightsFrom && moment.step % kRefineLightsEvery == 0)
+        refinement_->observe(view.images, references, [&](std::span<const Light> l, std::vector<float>& planes) { trainer_->render(camera, l, planes); });
+    return trainer_->step(camera, std::span(lights, view.images.size()), references, moment);
 }
 
 Status Bake::track()
@@ -298,6 +306,7 @@ Status Bake::checkpoint()
 {
     if (options_.checkpointPath.empty()) return ok();
     state_.seconds = elapsed();
+    if (refinement_) state_.lights = refinement_->evidence();
     return writeFileAtomically(options_.checkpointPath, encodeCheckpoint(optionsHash(), state_, *trainer_));
 }
 
@@ -310,6 +319,8 @@ Status Bake::resume()
     auto state = decodeCheckpoint(*bytes, optionsHash(), *trainer_);
     if (!state) return Error{state.error().code, options_.checkpointPath + ": " + state.error().message};
     state_ = std::move(*state);
+    if (refinement_ && !refinement_->restore(std::move(state_.lights)))
+        return Error{ErrorCode::kBadInput, options_.checkpointPath + ": checkpoint does not fit the lights of this dataset; start again without --resume"};
     start_ = now() - state_.seconds;
     resumedSeconds_ = state_.seconds;
     return ok();
@@ -404,6 +415,7 @@ Result<BakeResult> Bake::run()
     // Dataset +Z up becomes glTF +Y up by a quarter turn about X.
     if (dataset_.up.z > 0.5f) asset.yUpFromAsset = glm::quat(std::sqrt(0.5f), -std::sqrt(0.5f), 0, 0);
     asset.bakedWith = dataset_.convention + " dataset, " + std::to_string(state_.step) + " iterations, seed " + std::to_string(options_.seed);
+    if (refinement_) result_.lights = refinement_->lights();
     result_.history = std::move(state_.history);
     result_.iterations = state_.step;
     result_.seconds = elapsed();

@@ -4,6 +4,7 @@
 #include "base/result.h"
 #include "dataset/olat_dataset.h"
 #include "splats/splat_asset.h"
+#include "train/light_refinement.h"
 
 #include <atomic>
 #include <cstdint>
@@ -23,6 +24,7 @@ struct BakeOptions {
     int maxSplats = 0;                 // hard cap; 0: from quality
     int sFunctions = -1;               // 0, 1, 4, 9, 16, 25; -1: from quality
     double dssim = -1;                 // lambda of the loss (1-l)*L1 + l*(1-SSIM); -1: default
+    bool refineLights = false;         // correct the training lights' gains and directions on the way
     size_t imageBudgetBytes = size_t(1) << 30;
     std::string checkpointPath;        // empty: none
     bool resume = false;
@@ -45,6 +47,7 @@ struct BakeResult {
     double seconds = 0;
     double psnrTrain = 0;              // whole image, mean over the last pass
     std::vector<HistoryPoint> history; // held-out error against seconds
+    std::vector<RefinedLight> lights;  // with refineLights: every distinct light of the train split
     std::vector<std::string> warnings;
 };
 

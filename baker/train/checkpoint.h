@@ -18,6 +18,7 @@ struct BakeState {
     double trackSeconds = 0;      // of it, spent on held-out evaluation
     double nextTrack = 0;         // progress at which the next one is due
     std::vector<HistoryPoint> history;
+    std::vector<LightEvidence> lights; // with refineLights
 };
 
 /// `optionsHash` covers everything that shapes the result: dataset, model, quality, seed, caps, schedule.
