@@ -60,6 +60,22 @@ static Json historyJson(const std::vector<HistoryPoint>& history)
     return out;
 }
 
+static Json partsJson(const std::vector<PartWorth>& parts)
+{
+    Json out = Json::array();
+    for (const PartWorth& p : parts) out.push_back({{"part", p.name}, {"worth_db", p.decibel}, {"kept", p.kept != 0}});
+    return out;
+}
+
+/// What the object turned out to need, and what leaving out the rest cost.
+static std::string partsText(const std::vector<PartWorth>& parts)
+{
+    std::string text;
+    for (const PartWorth& p : parts)
+        text += format("%s%s %s (%+.2f dB without it)", text.empty() ? "" : ", ", p.name, p.kept ? "kept" : "left out", -p.decibel);
+    return text;
+}
+
 static Json lightsJson(const std::vector<RefinedLight>& lights)
 {
     Json out = Json::array();
@@ -131,6 +147,7 @@ static Status runBake(BakeArguments args)
                 double(bytes) / double(splats));
     std::printf("%d iterations in %.1f s on the cpu%s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations, result->seconds,
                 args.device == "auto" ? " (auto: no CUDA baker in this build)" : "", result->psnrTrain, double(peak) / 1048576.0);
+    if (!result->parts.empty()) std::printf("%s\n", partsText(result->parts).c_str());
     if (!result->lights.empty()) std::printf("%s\n", lightsText(result->lights).c_str());
     if (args.json.empty()) return ok();
     Json figures = {{"model", result->asset.model},
@@ -142,6 +159,7 @@ static Status runBake(BakeArguments args)
                     {"psnr_train", result->psnrTrain},
                     {"peak_rss_bytes", peak},
                     {"asset_bytes", bytes},
+                    {"parts", partsJson(result->parts)},
                     {"history", historyJson(result->history)}};
     if (options.refineLights) figures["lights"] = lightsJson(result->lights);
     return writeJson(figures, args.json);

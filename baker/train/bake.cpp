@@ -40,6 +40,9 @@ constexpr double kCheckpointPause = 100, kCheckpointLeast = 1;         // but no
 constexpr double kReferenceSteps = 3000;     // the learning rates are tuned for a bake of this length
 constexpr int kRefineLightsEvery = 8;        // steps
 constexpr double kRefineLightsFrom = 0.1;    // of the bake: before, the splats are still too wrong to tell
+constexpr double kPartsAt = 0.6;             // of the bake: when the optional parts of the model have to show what they are worth
+constexpr double kPartWorth = 0.02;          // dB
+constexpr size_t kPartsCameras = 24;
 constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -87,6 +90,7 @@ public:
         return group;
     }
     size_t passLength() const { return groups_.size(); }
+    const CameraImages& group(size_t k) const { return groups_[k]; }
 
 private:
     std::vector<CameraImages> groups_;
@@ -116,6 +120,8 @@ private:
     Result<LossStats> trainStep(const Trainer::Moment& moment);
     double pace(double progress) const;
     Status track();
+    Result<double> trainError();
+    Status leaveOutParts();
     Status checkpoint();
     void report(const char* stage, double progress);
     double elapsed() const { return now() - start_; }
@@ -302,6 +308,54 @@ Status Bake::track()
     return ok();
 }
 
+// Masked squared error over a few cameras of the train split, spread over all, under up to four of their lights.
+Result<double> Bake::trainError()
+{
+    ImageLoss loss;
+    std::vector<float> planes, dPlanes;
+    double squared = 0, count = 0;
+    const size_t cameras = order_->passLength(), stride = std::max<size_t>(1, cameras / kPartsCameras);
+    for (size_t k = 0; k < cameras; k += stride) {
+        const CameraImages& group = order_->group(k);
+        std::vector<std::shared_ptr<const PreparedImage>> held;
+        std::vector<const PreparedImage*> references;
+        std::vector<Light> lights;
+        for (size_t i = 0; i < std::min<size_t>(group.images.size(), kMaxLightsPerStep); ++i) {
+            auto image = images_->get(group.images[i]);
+            if (!image) return image.error();
+            held.push_back(*image), references.push_back(held.back().get()), lights.push_back(train_->images[group.images[i]].light);
+        }
+        trainer_->render(train_->cameras[group.camera], lights, planes);
+        dPlanes.resize(planes.size());
+        const LossStats s = loss.evaluate(planes.data(), references.data(), int(lights.size()), {}, dPlanes.data());
+        const bool masked = s.countMasked > 0;
+        squared += masked ? s.squaredErrorMasked : s.squaredError, count += masked ? s.countMasked : s.count;
+    }
+    return squared / std::max(count, 1.0);
+}
+
+// Each part is switched off for a moment; what the error does not notice is left out for good. The rest of the bake adapts to it.
+Status Bake::leaveOutParts()
+{
+    TrainableAppearance& appearance = trainer_->appearance();
+    auto with = trainError();
+    if (!with) return with.error();
+    double error = *with;
+    for (const std::string& part : appearance.optionalParts()) {
+        appearance.setPart(part, false);
+        auto without = trainError();
+        if (!without) return without.error();
+        PartWorth worth;
+        part.copy(worth.name, sizeof worth.name - 1);
+        worth.decibel = 10 * std::log10(std::max(*without, 1e-12) / std::max(error, 1e-12));
+        worth.kept = worth.decibel >= kPartWorth;
+        if (worth.kept) appearance.setPart(part, true);
+        else error = *without;
+        state_.parts.push_back(worth);
+    }
+    return ok();
+}
+
 Status Bake::checkpoint()
 {
     if (options_.checkpointPath.empty()) return ok();
@@ -364,6 +418,9 @@ Status Bake::train()
             state_.nextTrack = (std::floor(at / kTrackEvery) + 1) * kTrackEvery;
         }
 
+        if (at >= kPartsAt && state_.parts.empty())
+            if (Status s = leaveOutParts(); !s) return s;
+
         ++state_.step, ++state_.stepsSinceReset;
         auto stats = trainStep({state_.step, at, pace(at)});
         if (!stats) return stats.error();
@@ -417,6 +474,7 @@ Result<BakeResult> Bake::run()
     asset.bakedWith = dataset_.convention + " dataset, " + std::to_string(state_.step) + " iterations, seed " + std::to_string(options_.seed);
     if (refinement_) result_.lights = refinement_->lights();
     result_.history = std::move(state_.history);
+    result_.parts = std::move(state_.parts);
     result_.iterations = state_.step;
     result_.seconds = elapsed();
     return std::move(result_);

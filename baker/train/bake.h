@@ -41,6 +41,13 @@ struct BakeProgress {
 
 struct HistoryPoint { double seconds; int iteration; int splats; double psnrTest, psnrMaskedTest; };
 
+/// An optional part of the model (TrainableAppearance::optionalParts): what it was worth on training images, and whether it stayed.
+struct PartWorth {
+    char name[24] = {};
+    double decibel = 0;                // PSNR lost without it, object only
+    int32_t kept = 1;
+};
+
 struct BakeResult {
     SplatAsset asset;
     int iterations = 0;
@@ -48,6 +55,7 @@ struct BakeResult {
     double psnrTrain = 0;              // whole image, mean over the last pass
     std::vector<HistoryPoint> history; // held-out error against seconds
     std::vector<RefinedLight> lights;  // with refineLights: every distinct light of the train split
+    std::vector<PartWorth> parts;
     std::vector<std::string> warnings;
 };
 

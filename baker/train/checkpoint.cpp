@@ -5,14 +5,14 @@
 
 namespace nacre {
 
-constexpr uint32_t kMagic = 0x504b434e, kVersion = 2;
+constexpr uint32_t kMagic = 0x504b434e, kVersion = 3;
 
 std::vector<std::byte> encodeCheckpoint(uint64_t optionsHash, const BakeState& state, const Trainer& trainer)
 {
     ByteWriter out;
     out.value(kMagic), out.value(kVersion), out.value(optionsHash);
     out.value(state.step), out.value(state.stepsSinceReset), out.value(state.seconds), out.value(state.trackSeconds), out.value(state.nextTrack);
-    out.array(state.history), out.array(state.lights);
+    out.array(state.history), out.array(state.lights), out.array(state.parts);
     trainer.save(out);
     out.value(fnv1a(out.bytes.data(), out.bytes.size()));
     return std::move(out.bytes);
@@ -30,7 +30,7 @@ Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, uint64_t op
     BakeState state;
     state.step = in.value<int32_t>(), state.stepsSinceReset = in.value<int32_t>();
     state.seconds = in.value<double>(), state.trackSeconds = in.value<double>(), state.nextTrack = in.value<double>();
-    in.array(state.history), in.array(state.lights);
+    in.array(state.history), in.array(state.lights), in.array(state.parts);
     if (in.failed || !trainer.load(in) || in.remaining() != 0 || state.step < 0) return bad("checkpoint does not fit this model");
     return state;
 }

@@ -18,6 +18,7 @@ struct BakeState {
     double trackSeconds = 0;      // of it, spent on held-out evaluation
     double nextTrack = 0;         // progress at which the next one is due
     std::vector<HistoryPoint> history;
+    std::vector<PartWorth> parts; // what was tried to leave out; empty until then
     std::vector<LightEvidence> lights; // with refineLights
 };
 

@@ -49,6 +49,7 @@ public:
     void resetStatistics();
 
     size_t count() const { return geometry_.count(); }
+    TrainableAppearance& appearance() { return *appearance_; }
     void exportTo(SplatAsset& asset) const;
     void save(ByteWriter& out) const;
     bool load(ByteReader& in);
