@@ -1,10 +1,12 @@
 // bigsTransport summed over the lights (appearance/bigs/bigs.h): one fragment per splat,
-// colour = indirect + sum_t I_t * direct_t * max(rho + sum_i a_i y_i(w_t), 0).
-uniform sampler2D uGeometry;   // slot 0: mean, opacity; slot 3: rho
-uniform sampler2D uDirect;     // slot g: direct transport of lights 4g..4g+3
+// colour = indirect + sum_t I_t * (direct_t * max(rho + sum_i a_i y_i(w_t), 0) + falloff_t * v_t * k * lobe(w_t, w_o)).
+uniform sampler2D uGeometry;   // slot 0: mean, opacity; slot 3: rho; slot 4: normal, sharpness; slot 5: k
+uniform sampler2D uDirect;     // slot g: direct transport of lights 4g..4g+3, visibility included
 uniform sampler2D uIndirect;   // slot g: indirect radiance of lights 4g..4g+3
 uniform sampler2D uContracted; // see contractedTexel
 uniform sampler2D uLights;     // row 0: see sampleLight; row 1: intensity
+uniform sampler2D uVisible;    // slot g: v of lights 4g..4g+3
+uniform vec3 uCameraAsset;
 uniform int uLightCount;
 uniform float uWorldScale2;
 
@@ -15,22 +17,40 @@ void main()
     ivec2 splat = passSplat();
     vec3 rho = texelFetch(uGeometry, slotTexel(splat, 3), 0).rgb;
     vec3 color = vec3(0.0);
-#if S_FUNCTIONS > 0
+#if S_FUNCTIONS > 0 || HAS_LOBE
     vec3 mean = texelFetch(uGeometry, splat, 0).xyz;
+#endif
+#if HAS_LOBE
+    vec4 normalSharpness = texelFetch(uGeometry, slotTexel(splat, 4), 0);
+    vec3 lobeColor = texelFetch(uGeometry, slotTexel(splat, 5), 0).rgb;
+    vec3 towards = directionToCamera(uCameraAsset, mean);
+#endif
+#if S_FUNCTIONS > 0
     vec3 a[S_FUNCTIONS];
     for (int i = 0; i < S_FUNCTIONS; ++i) a[i] = texelFetch(uContracted, contractedTexel(splat, i), 0).rgb;
 #endif
     for (int t = 0; t < uLightCount; ++t) {
         ivec2 group = slotTexel(splat, t >> 2);
         if ((t & 3) == 0) color += texelFetch(uIndirect, group, 0).rgb;
-        float direct = dot(texelFetch(uDirect, group, 0), vec4(equal(ivec4(t & 3), ivec4(0, 1, 2, 3))));
+        vec4 lane = vec4(equal(ivec4(t & 3), ivec4(0, 1, 2, 3)));
         vec3 scatter = rho;
+#if S_FUNCTIONS > 0 || HAS_LOBE
+        vec4 s = sampleLight(texelFetch(uLights, ivec2(t, 0), 0), mean, uWorldScale2);
+#endif
 #if S_FUNCTIONS > 0
         float y[25];
-        shBasis(S_FUNCTIONS, sampleLight(texelFetch(uLights, ivec2(t, 0), 0), mean, uWorldScale2).xyz, y);
+        shBasis(S_FUNCTIONS, s.xyz, y);
         for (int i = 0; i < S_FUNCTIONS; ++i) scatter += a[i] * y[i];
 #endif
-        color += texelFetch(uLights, ivec2(t, 1), 0).rgb * direct * max(scatter, 0.0);
+        vec3 reflected = dot(texelFetch(uDirect, group, 0), lane) * max(scatter, 0.0);
+#if HAS_LOBE
+        float gloss = s.w * bigsLobe(normalSharpness, towards, s.xyz);
+#if HAS_VISIBILITY
+        gloss *= dot(texelFetch(uVisible, group, 0), lane);
+#endif
+        reflected += gloss * lobeColor;
+#endif
+        color += texelFetch(uLights, ivec2(t, 1), 0).rgb * reflected;
     }
     outColor = vec4(color, 0.0);
 }

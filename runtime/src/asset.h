@@ -1,12 +1,15 @@
 // An asset on the GPU, and the steps of a draw: relight, sort, raster. Each file implements one of them.
 //
 // Textures (layout.glsl says where a splat sits in them):
-//   geometry    RGBA32F  slots: mean+opacity, quaternion xyzw, scales, rho
+//   geometry    RGBA32F  slots: mean+opacity, quaternion xyzw, scales, rho+shadow; with a lobe also normal+sharpness, k
 //   transport   RGBA16F  25 slots: T_ind rgb, T_dir
 //   scatter     RGBA16F  array, texel g * pairs + pair(i, j): c_ij rgb (all of a splat together: the view pass reads it 25 times)
+//   visibility  R8       array, texel g * 256 + j * 16 + i of the octahedral maps
 //   direct, indirect     RGBA32F  light pass: one slot per four lights
+//   visible     RGBA16F  light pass: v of four lights per slot, for the lobe (v comes from bytes: half floats lose nothing of it)
 //   contracted  RGBA32F  view pass: every grid row becomes one row per function of s
 //   color       RGBA32F  combine pass: radiance towards the camera
+// scatter and contracted exist only with s, visibility only with that channel, visible only with lobe and visibility.
 #pragma once
 
 #include "context.h"
@@ -19,7 +22,7 @@
 
 namespace nacre {
 
-enum GeometrySlot { kMeanOpacity, kRotation, kScale, kRho, kGeometrySlots };
+enum GeometrySlot { kMeanOpacity, kRotation, kScale, kRhoShadow, kNormalSharpness, kLobeColor, kGeometrySlots };
 
 /// A program and the uniforms that change per draw (-1 where a program has no such uniform).
 struct Program {
@@ -57,13 +60,15 @@ struct NacreAssetImpl {
     // What was uploaded.
     uint32_t count = 0;
     int width = 0, rows = 0;       // of the grid, layout.glsl
-    int scatterShift = 0;          // layers of the scatter texture are 2^shift texels wide and high
+    int rowShift = 0;              // layers of the textures that hold one long row are 2^shift texels wide and high
     int sFunctions = 0;
+    bool hasLobe = false, hasVisibility = false;
     float lowPassVariance = 0;
     glm::vec3 boundsMin{0}, boundsMax{0};
     glm::quat yUpFromAsset{1, 0, 0, 0};
     uint64_t gpuBytes = 0;
-    GLuint geometry = 0, transport = 0, scatter = 0, contracted = 0, direct = 0, indirect = 0, color = 0, lights = 0, order = 0;
+    GLuint geometry = 0, transport = 0, scatter = 0, visibility = 0, contracted = 0, direct = 0, indirect = 0, visible = 0, color = 0,
+           lights = 0, order = 0;
     GLuint lightFramebuffer = 0, viewFramebuffer = 0, combineFramebuffer = 0;
     nacre::Program lightPass, viewPass, combinePass, splatProgram;
 
@@ -76,10 +81,10 @@ struct NacreAssetImpl {
     // What the host set, and what the cached results were computed from.
     std::vector<NacreLight> hostLights;
     nacre::PackedLights packed{}, relitWith{};
-    glm::vec3 contractedFor{0};
+    glm::vec3 seenFrom{0};         // camera of the last view and combine pass
     nacre::DrawFrame sortedFor{};
-    int groupCapacity = 0;         // slots of direct and indirect
-    bool relit = false, contractedValid = false, sorted = false;
+    int groupCapacity = 0;         // slots of direct, indirect and visible
+    bool relit = false, seen = false, sorted = false;
     NacreDrawStats stats{};
 };
 
@@ -93,7 +98,7 @@ void destroyAsset(NacreAssetImpl& asset);
 /// Allocates a texture of `slots` slots; adds to gpuBytes.
 GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots);
 
-/// Compiles the four programs for this asset's layout and size of s.
+/// Compiles the four programs for this asset's layout and channels.
 Failure compilePrograms(NacreAssetImpl& asset);
 
 /// Checks and combines the host's matrices.

@@ -11,7 +11,7 @@
 
 namespace nacre {
 
-constexpr int kTextureUnits = 5; // units 0..4 are used
+constexpr int kTextureUnits = 6; // units 0..5 are used
 
 /// x, y, width, height of viewport 0; leaves the host's other viewports alone.
 void setViewport(const Gl& gl, const float box[4]);

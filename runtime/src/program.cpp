@@ -1,7 +1,8 @@
-// Compiles the shaders of one asset. Sizes are #defines, so an asset without s compiles without the code for it and every loop over
-// coefficients has a constant bound.
+// Compiles the shaders of one asset. Sizes and channels are #defines, so an asset without s, lobe or visibility compiles without the
+// code for it and every loop over coefficients has a constant bound.
 #include "asset.h"
 
+#include "appearance/bigs/bigs.h"
 #include "shader_sources.h"
 #include "splats/blend.h"
 
@@ -11,11 +12,27 @@ namespace nacre {
 
 static std::string defines(const NacreAssetImpl& asset)
 {
-    char text[256];
-    std::snprintf(text, sizeof text,
-                  "#version 330 core\n#define WIDTH %d\n#define ROWS %d\n#define SCATTER_SHIFT %d\n#define S_FUNCTIONS %d\n"
-                  "#define MIN_ALPHA %.9g\n#define MAX_ALPHA %.9g\n",
-                  asset.width, asset.rows, asset.scatterShift, asset.sFunctions, double(kMinAlpha), double(kMaxAlpha));
+    std::string text = "#version 330 core\n";
+    char line[64];
+    const auto whole = [&](const char* name, int value) {
+        std::snprintf(line, sizeof line, "#define %s %d\n", name, value);
+        text += line;
+    };
+    const auto real = [&](const char* name, float value) {
+        std::snprintf(line, sizeof line, "#define %s %#.9g\n", name, double(value)); // #: 4 must not become an int
+        text += line;
+    };
+    whole("WIDTH", asset.width);
+    whole("ROWS", asset.rows);
+    whole("ROW_SHIFT", asset.rowShift);
+    whole("S_FUNCTIONS", asset.sFunctions);
+    whole("HAS_LOBE", asset.hasLobe);
+    whole("HAS_VISIBILITY", asset.hasVisibility);
+    whole("VISIBILITY_SIZE", kBigsVisibilitySize);
+    real("VISIBILITY_SLOPE", kBigsVisibilitySlope);
+    real("LOBE_FACING", kBigsLobeFacing);
+    real("MIN_ALPHA", kMinAlpha);
+    real("MAX_ALPHA", kMaxAlpha);
     return text;
 }
 
@@ -94,9 +111,9 @@ Failure compilePrograms(NacreAssetImpl& asset)
     if (Failure f = compile(gl, "combine", fullscreen, pass + shaders::kCombinePassFragGlsl, &asset.combinePass)) return f;
     if (Failure f = compile(gl, "splat", common + shaders::kSplatVertGlsl, common + shaders::kSplatFragGlsl, &asset.splatProgram))
         return f;
-    setSamplers(gl, asset.lightPass, {"uGeometry", "uTransport", "uLights"});
+    setSamplers(gl, asset.lightPass, {"uGeometry", "uTransport", "uLights", "uVisibility"});
     if (asset.sFunctions > 0) setSamplers(gl, asset.viewPass, {"uGeometry", "uScatter"});
-    setSamplers(gl, asset.combinePass, {"uGeometry", "uDirect", "uIndirect", "uContracted", "uLights"});
+    setSamplers(gl, asset.combinePass, {"uGeometry", "uDirect", "uIndirect", "uContracted", "uLights", "uVisible"});
     setSamplers(gl, asset.splatProgram, {"uGeometry", "uColor", "uOrder"});
     return {};
 }

@@ -1,8 +1,8 @@
 // Radiance of every splat towards the camera, in three passes over small float textures (bigs.h has the equation):
-//   light    direct_t = falloff max(T_dir, 0) and sum_t I falloff max(T_ind, 0)       depends on lights
-//   view     a_i = sum_j c_ij y_j(w_o)                                                depends on the camera position
-//   combine  indirect + sum_t I_t direct_t max(rho + sum_i a_i y_i(w_t), 0)           depends on both
-// All of it in asset space. Each pass runs only when its inputs differ in any bit from those of its last run.
+//   light    direct_t = falloff v_t max(T_dir, 0), v_t and sum_t I falloff max(T_ind, 0)                   depends on lights
+//   view     a_i = sum_j c_ij y_j(w_o)                                                                     depends on the camera position
+//   combine  indirect + sum_t I_t (direct_t max(rho + sum_i a_i y_i(w_t), 0) + falloff v_t k lobe_t(w_o))  depends on both
+// All of it in asset space. Without s there is no view pass, without s and lobe nothing depends on the camera. Each pass runs only when its inputs differ in any bit from those of its last run.
 #include "asset.h"
 
 #include "base/light.h"
@@ -32,10 +32,11 @@ static PackedLights packLights(const std::vector<NacreLight>& lights, const Draw
 
 static void freeLightTargets(NacreAssetImpl& asset)
 {
-    const GLuint old[] = {asset.direct, asset.indirect};
-    asset.context->gl.DeleteTextures(2, old);
-    asset.direct = asset.indirect = 0;
-    asset.gpuBytes -= 2 * 16 * uint64_t(asset.groupCapacity) * uint64_t(asset.width) * uint64_t(asset.rows);
+    const GLuint old[] = {asset.direct, asset.indirect, asset.visible};
+    asset.context->gl.DeleteTextures(3, old);
+    const uint64_t texelBytes = 2 * 16 + (asset.visible ? 8 : 0);
+    asset.gpuBytes -= texelBytes * uint64_t(asset.groupCapacity) * uint64_t(asset.width) * uint64_t(asset.rows);
+    asset.direct = asset.indirect = asset.visible = 0;
     asset.groupCapacity = 0;
 }
 
@@ -49,10 +50,12 @@ static Failure growLightTargets(NacreAssetImpl& asset, int groups)
     asset.groupCapacity = groups;
     asset.direct = createSlotTexture(asset, GL_RGBA32F, groups);
     asset.indirect = createSlotTexture(asset, GL_RGBA32F, groups);
-    gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, asset.direct, 0);
-    gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT1, GL_TEXTURE_2D, asset.indirect, 0);
-    const GLenum both[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
-    gl.DrawBuffers(2, both);
+    if (asset.hasLobe && asset.hasVisibility) asset.visible = createSlotTexture(asset, GL_RGBA16F, groups);
+    const GLuint targets[] = {asset.direct, asset.indirect, asset.visible};
+    const GLenum attachments[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2};
+    const int count = asset.visible ? 3 : 2;
+    for (int i = 0; i < count; ++i) gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, attachments[i], GL_TEXTURE_2D, targets[i], 0);
+    gl.DrawBuffers(count, attachments);
     if (gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE) return {};
     freeLightTargets(asset);
     const GLenum error = takeGlError(gl); // ours, unless the host had one pending: asked only now, so that drawing never waits for it
@@ -81,6 +84,7 @@ static void runLightPass(NacreAssetImpl& asset, const PackedLights& lights)
     bindTexture(gl, 0, GL_TEXTURE_2D, asset.geometry);
     bindTexture(gl, 1, GL_TEXTURE_2D, asset.transport);
     bindTexture(gl, 2, GL_TEXTURE_2D, asset.lights);
+    if (asset.hasVisibility) bindTexture(gl, 3, GL_TEXTURE_2D_ARRAY, asset.visibility);
     gl.Uniform1i(asset.lightPass.lightCount, lights.count);
     gl.Uniform1f(asset.lightPass.worldScale2, lights.worldScale2);
     runPass(asset, asset.lightFramebuffer, (lights.count + 3) / 4);
@@ -96,7 +100,7 @@ static void runViewPass(const NacreAssetImpl& asset, const glm::vec3& camera)
     runPass(asset, asset.viewFramebuffer, asset.sFunctions);
 }
 
-static void runCombinePass(const NacreAssetImpl& asset, const PackedLights& lights)
+static void runCombinePass(const NacreAssetImpl& asset, const PackedLights& lights, const glm::vec3& camera)
 {
     const Gl& gl = asset.context->gl;
     gl.UseProgram(asset.combinePass.name);
@@ -105,8 +109,10 @@ static void runCombinePass(const NacreAssetImpl& asset, const PackedLights& ligh
     bindTexture(gl, 2, GL_TEXTURE_2D, asset.indirect);
     bindTexture(gl, 3, GL_TEXTURE_2D, asset.contracted);
     bindTexture(gl, 4, GL_TEXTURE_2D, asset.lights);
+    if (asset.visible) bindTexture(gl, 5, GL_TEXTURE_2D, asset.visible);
     gl.Uniform1i(asset.combinePass.lightCount, lights.count);
     gl.Uniform1f(asset.combinePass.worldScale2, lights.worldScale2);
+    gl.Uniform3f(asset.combinePass.cameraAsset, camera.x, camera.y, camera.z);
     runPass(asset, asset.combineFramebuffer, 1);
 }
 
@@ -114,7 +120,8 @@ Failure relight(NacreAssetImpl& asset, const DrawFrame& frame)
 {
     asset.packed = packLights(asset.hostLights, frame);
     const bool lightsChanged = !asset.relit || std::memcmp(&asset.packed, &asset.relitWith, sizeof asset.packed) != 0;
-    const bool viewChanged = asset.sFunctions > 0 && (!asset.contractedValid || asset.contractedFor != frame.cameraAsset);
+    const bool viewChanged = (asset.sFunctions > 0 || asset.hasLobe) && (!asset.seen || asset.seenFrom != frame.cameraAsset);
+    const bool contract = viewChanged && asset.sFunctions > 0;
     if (lightsChanged) {
         asset.relit = false;
         if (Failure f = growLightTargets(asset, (asset.packed.count + 3) / 4)) return f;
@@ -122,14 +129,12 @@ Failure relight(NacreAssetImpl& asset, const DrawFrame& frame)
         asset.relitWith = asset.packed;
         asset.relit = true;
     }
-    if (viewChanged) {
-        runViewPass(asset, frame.cameraAsset);
-        asset.contractedFor = frame.cameraAsset;
-        asset.contractedValid = true;
-    }
-    if (lightsChanged || viewChanged) runCombinePass(asset, asset.packed);
+    if (contract) runViewPass(asset, frame.cameraAsset);
+    if (lightsChanged || viewChanged) runCombinePass(asset, asset.packed, frame.cameraAsset);
+    asset.seenFrom = frame.cameraAsset;
+    asset.seen = true;
     asset.stats.lightPassesRun = lightsChanged;
-    asset.stats.viewPassesRun = viewChanged;
+    asset.stats.viewPassesRun = contract;
     asset.stats.combinePassesRun = lightsChanged || viewChanged;
     return {};
 }

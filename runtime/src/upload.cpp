@@ -1,5 +1,5 @@
-// Puts a decoded asset into textures. Coefficients are stored as half floats (relative error at most 2^-11), geometry
-// as float.
+// Puts a decoded asset into textures. Coefficients of SH are stored as half floats (relative error at most 2^-11), geometry and lobe
+// as float (half a normal would shift a sharp highlight by a percent of its width), visibility as the bytes of the file.
 #include "asset.h"
 
 #include "appearance/bigs/bigs.h"
@@ -54,7 +54,19 @@ GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots)
     return texture;
 }
 
-/// Chooses the narrowest grid that keeps every slot texture within the limits, and how many texels of s a layer holds.
+/// A channel of one long row, `texelsPerSplat` per splat: its indices must fit an int, its layers the GPU.
+static Failure checkLongRow(const NacreAssetImpl& asset, const char* channel, int64_t texelsPerSplat)
+{
+    const Gl& gl = asset.context->gl;
+    const int64_t texels = asset.count * texelsPerSplat, layers = (texels >> 2 * asset.rowShift) + 1;
+    if (layers <= gl.maxArrayLayers && texels <= std::numeric_limits<int32_t>::max()) return {};
+    return {NACRE_ERROR_UNSUPPORTED, std::string("the ") + channel + " of " + std::to_string(asset.count) + " splats needs " +
+                                         std::to_string(texels) + " texels in " + std::to_string(layers) +
+                                         " layers, drawn are at most 2^31 - 1 and, by this GPU, " + std::to_string(gl.maxArrayLayers) +
+                                         " layers; bake with fewer splats or a smaller s"};
+}
+
+/// Chooses the narrowest grid that keeps every slot texture within the limits, and how many texels of a long row a layer holds.
 static Failure chooseLayout(NacreAssetImpl& asset)
 {
     constexpr int kMostSlots = NACRE_MAX_LIGHTS / 4; // of the textures the light pass writes
@@ -69,13 +81,9 @@ static Failure chooseLayout(NacreAssetImpl& asset)
     asset.width = int(width);
     asset.rows = int(rows());
 
-    asset.scatterShift = std::bit_width(unsigned(maxSize)) - 1;
-    const int64_t texels = count * bigsPairCount(asset.sFunctions), layers = (texels >> 2 * asset.scatterShift) + 1;
-    if (layers > gl.maxArrayLayers || texels > std::numeric_limits<int32_t>::max())
-        return {NACRE_ERROR_UNSUPPORTED, "the s of " + std::to_string(count) + " splats needs " + std::to_string(layers) +
-                                             " texture layers, this GPU has " + std::to_string(gl.maxArrayLayers) +
-                                             "; bake with a smaller s or fewer splats"};
-    return {};
+    asset.rowShift = std::bit_width(unsigned(maxSize)) - 1;
+    if (Failure f = checkLongRow(asset, "s", bigsPairCount(asset.sFunctions))) return f;
+    return checkLongRow(asset, "visibility", asset.hasVisibility ? kBigsVisibilityTexels : 0);
 }
 
 static Failure checkHalfRange(const Channel& channel)
@@ -99,10 +107,10 @@ static void uploadSlot(const NacreAssetImpl& asset, std::vector<T>& staging, int
     gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, slot * asset.rows, asset.width, asset.rows, GL_RGBA, type, staging.data());
 }
 
-static void uploadGeometry(NacreAssetImpl& asset, const SplatCloud& cloud, const Channel& rho)
+static void uploadGeometry(NacreAssetImpl& asset, const SplatCloud& cloud, const Channel& rho, const Channel* shadow, const Channel* lobe)
 {
     std::vector<float> staging;
-    asset.geometry = createSlotTexture(asset, GL_RGBA32F, kGeometrySlots);
+    asset.geometry = createSlotTexture(asset, GL_RGBA32F, lobe ? kGeometrySlots : kNormalSharpness);
     uploadSlot(asset, staging, kMeanOpacity, [&](size_t g, float* t) {
         const glm::vec3& p = cloud.positions[g];
         t[0] = p.x, t[1] = p.y, t[2] = p.z, t[3] = cloud.opacities[g];
@@ -114,9 +122,13 @@ static void uploadGeometry(NacreAssetImpl& asset, const SplatCloud& cloud, const
     uploadSlot(asset, staging, kScale, [&](size_t g, float* t) {
         for (int c = 0; c < 3; ++c) t[c] = cloud.scales[g][c];
     });
-    uploadSlot(asset, staging, kRho, [&](size_t g, float* t) {
+    uploadSlot(asset, staging, kRhoShadow, [&](size_t g, float* t) {
         for (int c = 0; c < 3; ++c) t[c] = rho.values[3 * g + size_t(c)];
+        t[3] = shadow ? shadow->values[g] : 1.0f;
     });
+    if (!lobe) return;
+    uploadSlot(asset, staging, kNormalSharpness, [&](size_t g, float* t) { std::copy_n(&lobe->values[kBigsLobeFloats * g], 4, t); });
+    uploadSlot(asset, staging, kLobeColor, [&](size_t g, float* t) { std::copy_n(&lobe->values[kBigsLobeFloats * g + 4], 3, t); });
 }
 
 static void uploadTransport(NacreAssetImpl& asset, const Channel& tDir, const Channel& tInd)
@@ -131,30 +143,51 @@ static void uploadTransport(NacreAssetImpl& asset, const Channel& tDir, const Ch
         });
 }
 
-/// One long row of texels, all pairs of a splat together, wrapped at the texture's width and then at its height.
-static void uploadScatter(NacreAssetImpl& asset, const Channel& s)
+/// How texels of one long row lie in memory: `components` of type T each.
+template <class T>
+struct TexelFormat {
+    GLenum internal, layout, type;
+    size_t components;
+};
+
+/// Makes the array texture that holds one long row of `texels`, wrapped at its width and then at its height; fill(t, out) writes texel t.
+template <class T, class Fill>
+static void uploadLongRow(NacreAssetImpl& asset, GLuint& texture, const TexelFormat<T>& format, size_t texels, Fill fill)
 {
     const Gl& gl = asset.context->gl;
-    const size_t width = size_t(1) << asset.scatterShift, texels = s.values.size() / 3, rows = (texels + width - 1) / width;
+    const size_t width = size_t(1) << asset.rowShift, rows = (texels + width - 1) / width;
     const size_t layerRows = std::min(rows, width), layers = (rows + layerRows - 1) / layerRows;
-    gl.GenTextures(1, &asset.scatter);
-    bindTexture(gl, 0, GL_TEXTURE_2D_ARRAY, asset.scatter);
+    gl.GenTextures(1, &texture);
+    bindTexture(gl, 0, GL_TEXTURE_2D_ARRAY, texture);
     setNearest(gl, GL_TEXTURE_2D_ARRAY);
-    gl.TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA16F, GLsizei(width), GLsizei(layerRows), GLsizei(layers), 0, GL_RGBA, GL_HALF_FLOAT,
-                  nullptr);
-    asset.gpuBytes += 8 * uint64_t(width * layerRows * layers);
+    gl.TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GLint(format.internal), GLsizei(width), GLsizei(layerRows), GLsizei(layers), 0, format.layout,
+                  format.type, nullptr);
+    asset.gpuBytes += sizeof(T) * format.components * uint64_t(width * layerRows * layers);
 
-    std::vector<uint16_t> staging;
+    std::vector<T> staging;
     constexpr size_t kChunkRows = 16;
     for (size_t row = 0, n = 0; row < rows; row += n) {
         n = std::min({kChunkRows, rows - row, layerRows - row % layerRows});
-        staging.assign(4 * width * n, 0);
+        staging.assign(format.components * width * n, T(0));
         const size_t first = row * width, last = std::min(first + n * width, texels);
-        for (size_t t = first; t < last; ++t)
-            for (size_t c = 0; c < 3; ++c) staging[4 * (t - first) + c] = halfFromFloat(s.values[3 * t + c]);
-        gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, GLint(row % layerRows), GLint(row / layerRows), GLsizei(width), GLsizei(n), 1, GL_RGBA,
-                         GL_HALF_FLOAT, staging.data());
+        for (size_t t = first; t < last; ++t) fill(t, &staging[format.components * (t - first)]);
+        gl.TexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, GLint(row % layerRows), GLint(row / layerRows), GLsizei(width), GLsizei(n), 1,
+                         format.layout, format.type, staging.data());
     }
+}
+
+static void uploadScatter(NacreAssetImpl& asset, const Channel& s)
+{
+    const TexelFormat<uint16_t> halves{GL_RGBA16F, GL_RGBA, GL_HALF_FLOAT, 4};
+    uploadLongRow(asset, asset.scatter, halves, s.values.size() / 3, [&](size_t t, uint16_t* out) {
+        for (size_t c = 0; c < 3; ++c) out[c] = halfFromFloat(s.values[3 * t + c]);
+    });
+}
+
+static void uploadVisibility(NacreAssetImpl& asset, const Channel& visibility)
+{
+    const TexelFormat<uint8_t> bytes{GL_R8, GL_RED, GL_UNSIGNED_BYTE, 1};
+    uploadLongRow(asset, asset.visibility, bytes, visibility.bytes.size(), [&](size_t t, uint8_t* out) { *out = visibility.bytes[t]; });
 }
 
 static GLuint createTarget(NacreAssetImpl& asset, GLuint texture)
@@ -229,6 +262,7 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
     const Gl& gl = context.gl;
     asset.context = &context;
     const Channel *tDir = source.find("tDir"), *tInd = source.find("tInd"), *rho = source.find("rho"), *s = source.find("s");
+    const Channel *lobe = source.find("lobe"), *visibility = source.find("visibility"), *shadow = source.find("shadow");
     if (source.model != "bigs" || !tDir || !tInd || !rho)
         return {NACRE_ERROR_UNSUPPORTED, "this version draws the model 'bigs', the asset's is '" + source.model + "'"};
     if (source.cloud.count > (size_t(1) << 28))
@@ -238,6 +272,8 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
 
     asset.count = uint32_t(source.cloud.count);
     asset.sFunctions = s ? bigsScatterFunctions(s->components) : 0;
+    asset.hasLobe = lobe != nullptr;
+    asset.hasVisibility = visibility != nullptr;
     asset.lowPassVariance = source.lowPassVariance;
     asset.yUpFromAsset = source.yUpFromAsset;
     asset.positions = source.cloud.positions;
@@ -252,9 +288,10 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
     if (const GLenum pending = takeGlError(gl); pending != GL_NO_ERROR)
         context.report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(pending) + "; it was cleared");
     GlStateGuard guard(gl);
-    uploadGeometry(asset, source.cloud, *rho);
+    uploadGeometry(asset, source.cloud, *rho, shadow, lobe);
     uploadTransport(asset, *tDir, *tInd);
     if (s) uploadScatter(asset, *s);
+    if (visibility) uploadVisibility(asset, *visibility);
     Failure incomplete = createTargets(asset);
     if (Failure f = uploadFailure(takeGlError(gl), asset)) return f; // first: a target without storage is incomplete as well
     if (incomplete) return incomplete;
@@ -267,8 +304,8 @@ void destroyAsset(NacreAssetImpl& asset)
 {
     if (!asset.context) return; // upload did not start
     const Gl& gl = asset.context->gl; // names of zero are ignored by GL
-    const GLuint textures[] = {asset.geometry, asset.transport, asset.scatter, asset.contracted, asset.direct,
-                               asset.indirect, asset.color,     asset.lights,  asset.order};
+    const GLuint textures[] = {asset.geometry, asset.transport, asset.scatter, asset.visibility, asset.contracted, asset.direct,
+                               asset.indirect, asset.visible,   asset.color,   asset.lights,     asset.order};
     const GLuint framebuffers[] = {asset.lightFramebuffer, asset.viewFramebuffer, asset.combineFramebuffer};
     gl.DeleteFramebuffers(GLsizei(std::size(framebuffers)), framebuffers);
     gl.DeleteTextures(GLsizei(std::size(textures)), textures);

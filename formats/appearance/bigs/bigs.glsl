@@ -1,5 +1,6 @@
 // GLSL twin of base/spherical_harmonics.h (shBasis), base/light.h (samplePointLight) and appearance/bigs/bigs.h.
-// The passes of the runtime hold the sums over coefficients; here is what they share.
+// The passes of the runtime hold the sums over coefficients; here is what they share. bigs.h gives VISIBILITY_SIZE, VISIBILITY_SLOPE and
+// LOBE_FACING.
 
 // y[0..count) for the unit direction d; count is a compile-time constant, so unused functions cost nothing.
 void shBasis(const int count, vec3 d, out float y[25])
@@ -40,19 +41,20 @@ void shBasis(const int count, vec3 d, out float y[25])
     }
 }
 
-// bigsLobe: GGX of the half vector, 1 at its peak, without the factor min(4 n.wi, 1), which does not depend on the view.
+// bigsLobe: GGX of the half vector, 1 at its peak, times min(4 n.wi, 1).
 float bigsLobe(vec4 normalSharpness, vec3 wo, vec3 wi)
 {
     vec3 h = wo + wi;
     float h2 = dot(h, h), nh = max(dot(normalSharpness.xyz, h), 0.0);
     float u = 1.0 / (1.0 + max(normalSharpness.w, 0.0) * max(1.0 - nh * nh / max(h2, 1e-12), 0.0));
-    return h2 > 1e-12 ? u * u : 0.0;
+    float front = clamp(LOBE_FACING * dot(normalSharpness.xyz, wi), 0.0, 1.0);
+    return h2 > 1e-12 ? front * u * u : 0.0;
 }
 
 // bigsVisibility: where the four texels around the unit direction w lie in a splat's map, and their weights (bilinear).
 void visibilityTexels(vec3 w, out ivec4 texels, out vec4 weights)
 {
-    const int n = 16;
+    const int n = VISIBILITY_SIZE;
     vec2 p = w.xy / (abs(w.x) + abs(w.y) + abs(w.z));
     if (w.z < 0.0) p = (1.0 - abs(p.yx)) * vec2(w.x < 0.0 ? -1.0 : 1.0, w.y < 0.0 ? -1.0 : 1.0);
     vec2 at = (p + 1.0) * float(n / 2) + 0.5;
@@ -68,7 +70,15 @@ void visibilityTexels(vec3 w, out ivec4 texels, out vec4 weights)
 }
 
 // The map's value -> v: sharpened around one half.
-float sharpenVisibility(float v) { return clamp(0.5 + 2.5 * (v - 0.5), 0.0, 1.0); }
+float sharpenVisibility(float v) { return clamp(0.5 + VISIBILITY_SLOPE * (v - 0.5), 0.0, 1.0); }
+
+// At zero distance +Z: any unit vector is as good.
+vec3 directionToCamera(vec3 camera, vec3 mean)
+{
+    vec3 d = camera - mean;
+    float r2 = dot(d, d);
+    return r2 > 1e-20 ? d * inversesqrt(r2) : vec3(0.0, 0.0, 1.0);
+}
 
 // Direction to a light (xyz) and its falloff (w). `light` is in asset space: point (position, capped radius^2 in world units) or
 // directional (unit direction, -1). worldScale2 turns squared asset distances into squared world distances.
