@@ -4,6 +4,7 @@
 #define GL_GLEXT_PROTOTYPES
 #include <GL/glcorearb.h>
 
+#include <bit>
 #include <map>
 
 using namespace nacre;
@@ -61,14 +62,43 @@ TEST_CASE("an asset without s never runs the view pass")
     CHECK(passes(host) == Passes{0, 0, 0, 1});
 }
 
+TEST_CASE("a highlight follows the camera, with or without s, and the light pass does not run for it")
+{
+    if (!haveGl()) return;
+    for (const uint32_t functions : {0u, 4u}) {
+        const SplatAsset asset = withSharp(randomAsset(60, int(functions), 1), kAllSharp, 1, 30);
+        Host host(asset), fresh(asset);
+        host.draw(front(), kLamp);
+        CHECK(passes(host) == Passes{1, functions > 0, 1, 1});
+        const Camera moved = lookAt({1.2, 0.8, 1.2}, {0, 0, 0}, 33, 33, 40);
+        const Image image = host.draw(moved);
+        CHECK(passes(host) == Passes{0, functions > 0, 1, 1});
+        CHECK(largestDifference(image, fresh.draw(moved, kLamp)) == 0.0f);
+        CHECK(psnr(image, referenceImage(asset, moved, kLamp)) > 80.0);
+        host.draw(moved);
+        CHECK(passes(host) == Passes{0, 0, 0, 0});
+    }
+}
+
+TEST_CASE("hard shadows alone do not depend on the camera")
+{
+    if (!haveGl()) return;
+    Host host(withSharp(randomAsset(20, 0, 1), kVisibility | kShadow, 1));
+    host.draw(front(), kLamp);
+    host.draw(front(3));
+    CHECK(passes(host) == Passes{0, 0, 0, 1});
+}
+
 TEST_CASE("cached results draw the same image as fresh ones")
 {
     if (!haveGl()) return;
-    const SplatAsset asset = randomAsset(100, 9, 2);
-    Host used(asset), fresh(asset);
-    used.draw(front(3), {{directionalLight({0, 1, 0}, glm::vec3(1))}});
-    used.draw(front(), {{kLamp[0], kLamp[0], kLamp[0], kLamp[0], kLamp[0], kLamp[0]}});
-    CHECK(largestDifference(used.draw(front(), kLamp), fresh.draw(front(), kLamp)) == 0.0f);
+    for (const int which : {0, int(kAllSharp)}) {
+        const SplatAsset asset = withSharp(randomAsset(100, 9, 2), which, 2);
+        Host used(asset), fresh(asset);
+        used.draw(front(3), {{directionalLight({0, 1, 0}, glm::vec3(1))}});
+        used.draw(front(), {{kLamp[0], kLamp[0], kLamp[0], kLamp[0], kLamp[0], kLamp[0]}});
+        CHECK(largestDifference(used.draw(front(), kLamp), fresh.draw(front(), kLamp)) == 0.0f);
+    }
 }
 
 TEST_CASE("splats outside the frame are culled, those that reach into it are not")
@@ -398,7 +428,7 @@ static void scramble(GLuint framebuffer)
 TEST_CASE("GL state is the same before and after a draw, whatever it was, and of it only the first colour mask shows in the image")
 {
     if (!haveGl()) return;
-    const SplatAsset asset = randomAsset(100, 9, 4);
+    const SplatAsset asset = withSharp(randomAsset(100, 9, 4), kAllSharp, 4);
     Host host(asset);
     GLint major = 0;
     glGetIntegerv(GL_MAJOR_VERSION, &major);
@@ -443,7 +473,7 @@ TEST_CASE("GL state is the same before and after a draw, whatever it was, and of
 TEST_CASE("two contexts and two assets do not influence each other")
 {
     if (!haveGl()) return;
-    const SplatAsset a = randomAsset(60, 4, 1), b = randomAsset(90, 9, 2);
+    const SplatAsset a = randomAsset(60, 4, 1), b = withSharp(randomAsset(90, 9, 2), kAllSharp, 2);
     const std::vector<Light> other = {directionalLight({0, 1, 0}, {1, 0, 0})};
     Host first(a), second(b);
     NacreAsset firstB = first.create(b); // the same asset in both contexts, and two assets in one
@@ -588,4 +618,30 @@ TEST_CASE("asset info reports count, bounds, orientation and GPU bytes")
     }
     info.structSize = 1;
     CHECK(nacreAssetGetInfo(host.asset, &info) == NACRE_ERROR_INVALID_ARGUMENT);
+}
+
+TEST_CASE("GPU bytes count the channels an asset has, and only those")
+{
+    if (!haveGl()) return;
+    const auto gpuBytes = [](int which, size_t lights) {
+        Host host(withSharp(randomAsset(70, 4, 1), which, 1));
+        host.draw(front(), std::vector<Light>(lights, kLamp[0]));
+        NacreAssetInfo info{};
+        info.structSize = sizeof info;
+        REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
+        return info.gpuBytes;
+    };
+    GLint maxSize = 0;
+    {
+        Host host;
+        glGetIntegerv(GL_MAX_TEXTURE_SIZE, &maxSize);
+    }
+    const uint64_t texels = 2 * 64;                                                   // of a slot: 70 splats fill two rows
+    const uint64_t width = std::bit_floor(unsigned(maxSize)), maps = (70 * 256 + width - 1) / width * width;
+    const uint64_t plain = gpuBytes(0, 5);
+    CHECK(gpuBytes(kShadow, 5) == plain);                                             // rides with rho
+    CHECK(gpuBytes(kLobe, 5) == plain + 2 * 16 * texels);                             // two slots of floats
+    CHECK(gpuBytes(kVisibility, 5) == plain + maps);
+    CHECK(gpuBytes(kLobe | kVisibility, 0) == gpuBytes(0, 0) + 2 * 16 * texels + maps);
+    CHECK(gpuBytes(kLobe | kVisibility, 5) == plain + 2 * 16 * texels + maps + 2 * 8 * texels); // v: two groups of four halves
 }

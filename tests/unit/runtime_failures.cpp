@@ -94,7 +94,7 @@ static uint64_t gpuBytes(const Host& host)
 TEST_CASE("no GPU memory for the textures or indices of an asset: OUT_OF_MEMORY, others still draw, a later try works")
 {
     if (!haveGl()) return;
-    const SplatAsset small = randomAsset(10, 4, 1), large = randomAsset(200, 4, 2);
+    const SplatAsset small = randomAsset(10, 4, 1), large = withSharp(randomAsset(200, 4, 2), kAllSharp, 2);
     Host host(small, scarceGl);
     const Image smallImage = host.draw(front(), kLamp);
     const auto bytes = encodeAsset(large);
@@ -117,7 +117,7 @@ TEST_CASE("no GPU memory for the textures or indices of an asset: OUT_OF_MEMORY,
 TEST_CASE("no GPU memory for more lights: OUT_OF_MEMORY, no error left, bytes counted right, a later draw works")
 {
     if (!haveGl()) return;
-    const SplatAsset asset = randomAsset(50, 4, 1);
+    const SplatAsset asset = withSharp(randomAsset(50, 4, 1), kAllSharp, 1);
     const std::vector<Light> many(40, kLamp[0]);
     Host host(asset, scarceGl);
     const uint64_t unlit = gpuBytes(host);
@@ -134,6 +134,62 @@ TEST_CASE("no GPU memory for more lights: OUT_OF_MEMORY, no error left, bytes co
     Host fresh(asset);
     CHECK(largestDifference(host.draw(front()), fresh.draw(front(), many)) == 0.0f);
     CHECK(gpuBytes(host) == gpuBytes(fresh));
+}
+
+TEST_CASE("an asset that is destroyed leaves no texture, framebuffer or program behind, whatever its channels")
+{
+    if (!haveGl()) return;
+    Host host;
+    const auto objects = [] {
+        int count = 0;
+        for (GLuint name = 1; name < 200; ++name) count += glIsTexture(name) + glIsFramebuffer(name) + glIsProgram(name);
+        return count;
+    };
+    REQUIRE(host.gl->beginFrame(33, 33)); // makes the host's own
+    const int before = objects();
+    for (const int which : {0, int(kAllSharp)}) {
+        CAPTURE(which);
+        host.load(withSharp(randomAsset(30, which ? 4 : 0, 1), which, 1));
+        host.draw(front(), kLamp);
+        host.draw(front(), std::vector<Light>(9, kLamp[0])); // larger light targets replace the first
+        CHECK(objects() > before + 10);
+        nacreAssetDestroy(std::exchange(host.asset, nullptr));
+        CHECK(objects() == before);
+    }
+}
+
+// ---- a small GPU --------------------------------------------------------------------------------------------------------------
+
+static GLint smallSize = 0, smallLayers = 0; // what the GL below says its limits are
+static void* smallGl(const char* name, void* user)
+{
+    static constexpr auto kGetIntegerv = [](GLenum what, GLint* value) {
+        glGetIntegerv(what, value);
+        if (what == GL_MAX_TEXTURE_SIZE) *value = smallSize;
+        if (what == GL_MAX_ARRAY_TEXTURE_LAYERS) *value = smallLayers;
+    };
+    if (std::strcmp(name, "glGetIntegerv") == 0) return reinterpret_cast<void*>(+kGetIntegerv);
+    return HeadlessGl::getProcAddress(name, user);
+}
+
+TEST_CASE("maps and s that wrap over rows and layers draw the same image; where there are too few layers the asset is refused")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = withSharp(randomAsset(500, 16, 1), kAllSharp, 1); // 128000 texels of maps, 68000 of s
+    Host wide(asset);
+    smallSize = 256, smallLayers = 2; // layers of 65536 texels
+    {
+        Host narrow(asset, smallGl);
+        CHECK(largestDifference(narrow.draw(front(), kLamp), wide.draw(front(), kLamp)) == 0.0f);
+    }
+    smallLayers = 1;
+    Host narrow(smallGl);
+    const auto bytes = encodeAsset(asset);
+    REQUIRE(bytes);
+    NacreAsset refused = nullptr;
+    CHECK(nacreAssetCreate(narrow.context, bytes->data(), bytes->size(), &refused) == NACRE_ERROR_UNSUPPORTED);
+    CHECK_MESSAGE(narrow.lastMessage().find("of 500 splats needs") != std::string::npos,
+                  narrow.lastMessage());
 }
 
 // ---- the host's frame ---------------------------------------------------------------------------------------------------------

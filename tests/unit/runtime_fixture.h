@@ -83,9 +83,31 @@ inline SplatAsset randomAsset(size_t count, int sFunctions, uint32_t seed, float
         for (int i = 0; i < 3; ++i) rho.push_back(uniform(0, 1));
         for (int i = 0; i < 3 * bigsPairCount(sFunctions); ++i) s.push_back(onGrid(0.1f));
     }
-    a.channels = {{"tDir", 25, tDir}, {"tInd", 75, tInd}, {"rho", 3, rho}};
-    if (sFunctions) a.channels.push_back({"s", uint32_t(3 * bigsPairCount(sFunctions)), s});
+    a.channels = {{"tDir", 25, tDir, {}}, {"tInd", 75, tInd, {}}, {"rho", 3, rho, {}}};
+    if (sFunctions) a.channels.push_back({"s", uint32_t(3 * bigsPairCount(sFunctions)), s, {}});
     return a;
+}
+
+enum SharpChannels { kLobe = 1, kVisibility = 2, kShadow = 4, kAllSharp = 7 };
+
+/// Adds the channels of `which`: random normals and colours, sharpness from 0.1 to `sharpest`, random maps and depths of shadow.
+inline SplatAsset withSharp(SplatAsset asset, int which, uint32_t seed, float sharpest = 1000)
+{
+    std::mt19937 rng(seed);
+    const auto uniform = [&](float lo, float hi) { return lo + (hi - lo) * float(rng() >> 8) * 0x1p-24f; };
+    Channel lobe{"lobe", kBigsLobeFloats, {}, {}}, visibility{"visibility", kBigsVisibilityTexels, {}, {}}, shadow{"shadow", 1, {}, {}};
+    for (size_t g = 0; g < asset.cloud.count; ++g) {
+        const float z = uniform(-1, 1), phi = uniform(0, 6.2832f), r = std::sqrt(1 - z * z);
+        const float sharpness = 0.1f * std::pow(10 * sharpest, uniform(0, 1));
+        lobe.values.insert(lobe.values.end(), {r * std::cos(phi), r * std::sin(phi), z, sharpness});
+        for (int c = 0; c < 3; ++c) lobe.values.push_back(uniform(0, 2));
+        for (int i = 0; i < kBigsVisibilityTexels; ++i) visibility.bytes.push_back(uint8_t(rng() >> 24));
+        shadow.values.push_back(uniform(0, 1));
+    }
+    if (which & kLobe) asset.channels.push_back(lobe);
+    if (which & kVisibility) asset.channels.push_back(visibility);
+    if (which & kShadow) asset.channels.push_back(shadow);
+    return asset;
 }
 
 /// One splat at the origin, as randomAsset otherwise.

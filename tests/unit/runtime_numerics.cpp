@@ -1,6 +1,8 @@
 // The "numerics that bite" of the renderer, each with its name.
 #include "runtime_fixture.h"
 
+#include <map>
+
 using namespace nacre;
 using namespace nacre::test;
 
@@ -54,12 +56,94 @@ TEST_CASE("the brightest lights allowed, on the mean of a splat with the largest
 {
     if (!haveGl()) return;
     for (const float sign : {-1.0f, 1.0f}) { // s negative: the scattered part is clamped to 0, and infinity times 0 would be NaN
-        SplatAsset asset = oneSplat(25);
-        for (Channel& channel : asset.channels)
-            for (float& v : channel.values) v = channel.name == "s" ? sign * 65504.0f : channel.name == "rho" ? 0.0f : 65504.0f;
+        SplatAsset asset = withSharp(oneSplat(25), kAllSharp, 1);
+        const std::map<std::string, float> special = {{"s", sign * 65504.0f}, {"rho", 0.0f}, {"shadow", 1.0f}};
+        for (Channel& channel : asset.channels) // of the lobe too: not a unit normal, but the shaders must bear it
+            for (float& v : channel.values) v = special.count(channel.name) ? special.at(channel.name) : 65504.0f;
         Host host(asset);
         CHECK(allFinite(host.draw(front(), std::vector<Light>(NACRE_MAX_LIGHTS, pointLight({0, 0, 0}, glm::vec3(1e15f))))));
     }
+}
+
+// ---- highlights and hard shadows ----------------------------------------------------------------------------------------------
+
+/// A splat that only shines: no transport but the lobe.
+static SplatAsset mirror(glm::vec3 normal, float sharpness)
+{
+    SplatAsset asset = withSharp(oneSplat(0), kLobe, 1);
+    for (Channel& channel : asset.channels)
+        for (float& v : channel.values) v = 0;
+    normal = glm::normalize(normal);
+    asset.channels.back().values = {normal.x, normal.y, normal.z, sharpness, 1, 0.5f, 0.25f};
+    return asset;
+}
+static float shine(Host& host, glm::vec3 towards) { return host.draw(front(), {{directionalLight(towards, glm::vec3(1))}}).pixel(16, 16)[0]; }
+
+TEST_CASE("sharpness 0 is the same from every side; the sharpest lobe is bright only where it mirrors")
+{
+    if (!haveGl()) return;
+    Host host(mirror({0, 0, 1}, 0));
+    const float peak = shine(host, {0, 0, 1});
+    CHECK(peak > 0.5f);
+    CHECK(shine(host, {1, 0, 1}) == doctest::Approx(peak)); // 4 n.w is over 1 there
+    CHECK(shine(host, {1, 0, 0.1f}) == doctest::Approx(0.4f / std::sqrt(1.01f) * peak));
+    host.load(mirror({0, 0, 1}, -5)); // as 0
+    CHECK(shine(host, {1, 0, 1}) == doctest::Approx(peak));
+    host.load(mirror({1, 0, 1}, 65504));
+    CHECK(shine(host, {1, 0, 0}) == doctest::Approx(peak).epsilon(0.05)); // 65504 times the f32 rounding of 1 - (n.h)^2
+    CHECK(shine(host, {1, 0.02f, 0}) < 0.01f * peak);
+}
+
+TEST_CASE("a light behind the surface makes no highlight, one opposite the camera neither")
+{
+    if (!haveGl()) return;
+    Host host(mirror({0.3f, 0.1f, 1}, 2));
+    CHECK(shine(host, {0.2f, 0, -1}) == 0.0f);
+    CHECK(shine(host, {-0.3f, -0.1f, -1}) == 0.0f);
+    host.load(mirror({0, 0, -1}, 0)); // before the surface, but w_t + w_o = 0
+    CHECK(shine(host, {0, 0, -1}) == 0.0f);
+    CHECK(shine(host, {0.5f, 0, -1}) > 0.1f);
+}
+
+TEST_CASE("a light or a camera exactly on the mean of a splat with all channels stays finite and like the reference")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = withSharp(oneSplat(9), kAllSharp, 3, 30);
+    Host host(asset);
+    const std::vector<Light> inside = {pointLight({0, 0, 0}, glm::vec3(1e-6f))};
+    const Image image = host.draw(front(), inside);
+    CHECK(allFinite(image));
+    CHECK(largestDifference(image, referenceImage(asset, front(), inside)) < 1e-3f); // half v, falloff 1e6
+    CHECK(allFinite(host.draw(lookAt({0, 0, 0}, {0.3, 0.2, -1}, 33, 33, 40), kLamp)));
+}
+
+TEST_CASE("open maps and shadow 0 change nothing at all; closed maps leave the indirect light")
+{
+    if (!haveGl()) return;
+    const SplatAsset plain = withSharp(randomAsset(60, 4, 5), kLobe, 5);
+    const auto sealed = [&](uint8_t texel, float depth) {
+        SplatAsset a = plain;
+        a.channels.push_back({"visibility", kBigsVisibilityTexels, {}, std::vector<uint8_t>(60 * kBigsVisibilityTexels, texel)});
+        a.channels.push_back({"shadow", 1, std::vector<float>(60, depth), {}});
+        return a;
+    };
+    SplatAsset dark = plain; // neither direct transport nor lobe
+    for (Channel& channel : dark.channels)
+        if (channel.name == "tDir" || channel.name == "lobe") std::fill(channel.values.begin(), channel.values.end(), 0.0f);
+    Host host(plain);
+    const Image lit = host.draw(front(), kLamp);
+    host.load(dark);
+    const Image indirect = host.draw(front(), kLamp);
+    CHECK(largestDifference(lit, indirect) > 0.1f);
+    for (const auto& [texel, depth] : {std::pair{255, 1.0f}, std::pair{0, 0.0f}}) {
+        host.load(sealed(uint8_t(texel), depth));
+        CHECK(largestDifference(host.draw(front(), kLamp), lit) < 1e-6f); // weights that sum to 1 in f32
+    }
+    host.load(sealed(0, 1.0f));
+    CHECK(largestDifference(host.draw(front(), kLamp), indirect) == 0.0f);
+    const SplatAsset half = sealed(140, 0.5f);
+    host.load(half);
+    CHECK(psnr(host.draw(front(), kLamp), referenceImage(half, front(), kLamp)) > 70.0);
 }
 
 TEST_CASE("a camera inside the cloud and exactly on a mean sees finite pixels like the reference")

@@ -30,6 +30,59 @@ TEST_CASE("one splat has the colour and shape of the scalar reference for every 
     }
 }
 
+/// 64 small splats in a plane before the camera, side by side: an image of their colours.
+static SplatAsset palette(int functions, int which, uint32_t seed)
+{
+    SplatAsset asset = withSharp(randomAsset(64, functions, seed), which, seed);
+    for (size_t g = 0; g < 64; ++g) {
+        asset.cloud.positions[g] = {0.2f * (float(g % 8) - 3.5f), 0.2f * (float(g / 8) - 3.5f), 0};
+        asset.cloud.scales[g] = glm::vec3(0.02f);
+        asset.cloud.opacities[g] = 0.9f;
+    }
+    return asset;
+}
+static Camera overPalette() { return lookAt({0.2, -0.1, 2}, {0.05, 0, 0}, 72, 72, 80); }
+
+TEST_CASE("lobe, visibility and shadow, each alone and together, with and without s, give the colours of the scalar reference")
+{
+    if (!haveGl()) return;
+    Host host;
+    std::vector<Light> lights = kMixedLights; // and from all around, so that every part of the maps is read
+    for (int i = 0; i < 10; ++i) {
+        const double z = 0.9 - 0.2 * i, r = std::sqrt(1 - z * z);
+        lights.push_back(pointLight(glm::vec3(1.5 * r * std::cos(2.4 * i), 1.5 * r * std::sin(2.4 * i), 1.5 * z), glm::vec3(0.3f)));
+    }
+    for (const int functions : {0, 9})
+        for (int which = 1; which <= kAllSharp; ++which) {
+            CAPTURE(functions);
+            CAPTURE(which);
+            const SplatAsset asset = palette(functions, which, uint32_t(30 + which));
+            host.load(asset);
+            const Image expected = referenceImage(asset, overPalette(), lights), drawn = host.draw(overPalette(), lights);
+            CHECK(largest(expected) > 0.3f);
+            // f32; with lobe and visibility v passes between two passes as a half: 2^-12 of highlights of a few units
+            CHECK(largestDifference(drawn, expected) < ((which & kLobe) && (which & kVisibility) ? 1.5e-3f : 5e-5f));
+            CHECK(psnr(drawn, expected) > 85.0);
+        }
+}
+
+TEST_CASE("visibility maps are read right on their folds, edges and corners")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = palette(0, kVisibility, 41);
+    Host host(asset);
+    for (const float x : {-1.0f, 0.0f, 1.0f})
+        for (const float y : {-1.0f, 0.0f, 1.0f})
+            for (const float z : {-1.0f, -1e-4f, 0.0f, 1.0f}) {
+                if (x == 0 && y == 0 && std::abs(z) != 1) continue;
+                CAPTURE(x);
+                CAPTURE(y);
+                CAPTURE(z);
+                const std::vector<Light> light = {directionalLight({x, y, z}, glm::vec3(1))};
+                CHECK(largestDifference(host.draw(overPalette(), light), referenceImage(asset, overPalette(), light)) < 2e-5f);
+            }
+}
+
 TEST_CASE("every light type alone matches the scalar reference")
 {
     if (!haveGl()) return;
@@ -49,21 +102,33 @@ TEST_CASE("a random cloud of 2000 splats matches the reference image")
     CHECK(psnr(drawn, expected) > 80.0); // f32; a flipped alpha cut costs 1/255 in a few pixels
 }
 
+TEST_CASE("a random cloud of 2000 splats with highlights and hard shadows matches the reference image")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = withSharp(randomAsset(2000, 9, 3), kAllSharp, 3);
+    Host host(asset);
+    const Image expected = referenceImage(asset, offCentre(), kMixedLights), drawn = host.draw(offCentre(), kMixedLights);
+    CHECK(largest(expected) > 0.3f);
+    CHECK(psnr(drawn, expected) > 80.0); // as without; half-float v costs no more than an alpha cut that flips
+}
+
 TEST_CASE("the sum of single-light images is the image with all lights")
 {
     if (!haveGl()) return;
     std::vector<Light> lights = kMixedLights;
     for (int i = 0; i < 6; ++i) // nine lights: three groups, the last with one
         lights.push_back(pointLight({std::cos(float(i)), 1.0f, std::sin(float(i))}, {0.2f * float(i), 0.5f, 1.0f}));
-    Host host(randomAsset(200, 25, 5));
-    Image sum = host.draw(offCentre(), {{lights[0]}});
-    for (size_t i = 1; i < lights.size(); ++i) {
-        const Image one = host.draw(offCentre(), {{lights[i]}});
-        for (size_t k = 0; k < sum.rgba.size(); ++k)
-            if (k % 4 != 3) sum.rgba[k] += one.rgba[k];
+    for (const int which : {0, int(kAllSharp)}) {
+        Host host(withSharp(randomAsset(200, 25, 5), which, 5));
+        Image sum = host.draw(offCentre(), {{lights[0]}});
+        for (size_t i = 1; i < lights.size(); ++i) {
+            const Image one = host.draw(offCentre(), {{lights[i]}});
+            for (size_t k = 0; k < sum.rgba.size(); ++k)
+                if (k % 4 != 3) sum.rgba[k] += one.rgba[k];
+        }
+        const Image together = host.draw(offCentre(), lights);
+        CHECK(largestDifference(sum, together) < 2e-6f * largest(together) * 9); // f32 rounding of nine blended images
     }
-    const Image together = host.draw(offCentre(), lights);
-    CHECK(largestDifference(sum, together) < 2e-6f * largest(together) * 9); // f32 rounding of nine blended images
 }
 
 TEST_CASE("256 lights at once match the reference")
@@ -130,10 +195,10 @@ TEST_CASE("the GL renderer of the tools draws the reference image, top row first
     CHECK_FALSE((*renderer)->render(offCentre(), {{environment}}));
 }
 
-TEST_CASE("the GL renderer and the reference renderer of the tools agree on 2000 splats with the full s")
+TEST_CASE("the GL renderer and the reference renderer of the tools agree on 2000 splats with the full s and all channels")
 {
     if (!haveGl()) return;
-    SplatAsset asset = randomAsset(2000, 25, 17, 0.08f);
+    SplatAsset asset = withSharp(randomAsset(2000, 25, 17, 0.08f), kAllSharp, 17);
     for (Channel& channel : asset.channels)
         for (float& v : channel.values) v *= 0.9997f; // values that half floats cannot hold, as a bake makes them
     const auto bytes = encodeAsset(asset);
