@@ -117,8 +117,8 @@ int main(int argc, char** argv)
             if (first) {
                 std::printf("renderer: %s\nCPU: %s\nmedians of %d frames after %d, ms\n\n", (*renderer)->description().c_str(),
                             cpuName().c_str(), frames, warmup);
-                std::printf("%7s %4s %5s %6s %5s %9s %10s %6s %8s %8s %8s\n", "splats", "s", "sharp", "lights", "size", "relight", "floor MB", "GB/s",
-                            "sort", "raster", "frame");
+                std::printf("%7s %4s %5s %6s %5s %9s %10s %6s %8s %8s %8s\n", "splats", "s", "sharp", "lights", "size", "relight",
+                            "floor MB", "GB/s", "sort", "raster", "frame");
             }
             first = false;
             for (const int lights : {1, 16})
@@ -126,8 +126,8 @@ int main(int argc, char** argv)
                     const auto times = (*renderer)->time(camera(size), ring(lights), warmup, frames);
                     if (!times) return fail(times.error());
                     const double floor = relightFloorBytes(splats, functions, sharp, lights);
-                    std::printf("%7zu %4d %5s %6d %5d %9.2f %10.2f %6.2f %8.2f %8.2f %8.2f\n", splats, functions, sharp ? "yes" : "no", lights,
-                                size, times->relightMs, 1e-6 * floor, 1e-6 * floor / times->relightMs, times->sortMs, times->rasterMs,
+                    std::printf("%7zu %4d %5s %6d %5d %9.2f %10.2f %6.2f %8.2f %8.2f %8.2f\n", splats, functions, sharp ? "yes" : "no",
+                                lights, size, times->relightMs, 1e-6 * floor, 1e-6 * floor / times->relightMs, times->sortMs, times->rasterMs,
                                 times->frameMs);
                     std::fflush(stdout);
                 }
