@@ -2,7 +2,8 @@
 //   light    direct_t = falloff v_t max(T_dir, 0), v_t and sum_t I falloff max(T_ind, 0)                   depends on lights
 //   view     a_i = sum_j c_ij y_j(w_o)                                                                     depends on the camera position
 //   combine  indirect + sum_t I_t (direct_t max(rho + sum_i a_i y_i(w_t), 0) + falloff v_t k lobe_t(w_o))  depends on both
-// All of it in asset space. Without s there is no view pass, without s and lobe nothing depends on the camera. Each pass runs only when its inputs differ in any bit from those of its last run.
+// All of it in asset space. Without s there is no view pass; without s and lobe nothing depends on the camera. Each pass runs only when
+// its inputs differ in any bit from those of its last run.
 #include "asset.h"
 
 #include "base/light.h"

@@ -77,7 +77,10 @@ static SplatAsset mirror(glm::vec3 normal, float sharpness)
     asset.channels.back().values = {normal.x, normal.y, normal.z, sharpness, 1, 0.5f, 0.25f};
     return asset;
 }
-static float shine(Host& host, glm::vec3 towards) { return host.draw(front(), {{directionalLight(towards, glm::vec3(1))}}).pixel(16, 16)[0]; }
+static float shine(Host& host, glm::vec3 towards)
+{
+    return host.draw(front(), {{directionalLight(towards, glm::vec3(1))}}).pixel(16, 16)[0];
+}
 
 TEST_CASE("sharpness 0 is the same from every side; the sharpest lobe is bright only where it mirrors")
 {
