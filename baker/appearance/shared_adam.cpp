@@ -48,7 +48,7 @@ void SharedAdam::stepLevel(Level& level, int shift, std::span<const float> gradi
 
 std::span<const float> SharedAdam::step(std::span<const float> gradient, std::span<const uint8_t> active, const Rates& rates)
 {
-    levels_.resize(std::size(kShifts));
+    levels_.resize(sharing_ ? std::size(kShifts) : 1);
     deltas_.assign(gradient.size(), 0.0f);
     for (size_t k = 0; k < levels_.size(); ++k) stepLevel(levels_[k], kShifts[k], gradient, active, rates);
     return deltas_;
@@ -63,7 +63,7 @@ void SharedAdam::save(ByteWriter& out) const
 bool SharedAdam::load(ByteReader& in, size_t count)
 {
     const uint32_t n = in.value<uint32_t>();
-    if (in.failed || (n != 0 && n != std::size(kShifts))) return false;
+    if (in.failed || (n != 0 && n != (sharing_ ? std::size(kShifts) : 1))) return false;
     levels_.assign(n, {});
     for (size_t k = 0; k < n; ++k) {
         Level& level = levels_[k];

@@ -21,6 +21,8 @@ public:
     struct Rates {
         float first = 0, rest = 0, beta1 = 0.9f, beta2 = 0.99f;
     };
+    /// Without sharing every splat learns alone.
+    explicit SharedAdam(bool sharing = true) : sharing_(sharing) {}
     /// gradient: [count][kNumbers]; active: [count]. Returns what is to be subtracted, [count][kNumbers], valid until the next call;
     /// zero for splats that were not active.
     std::span<const float> step(std::span<const float> gradient, std::span<const uint8_t> active, const Rates& rates);
@@ -36,6 +38,7 @@ private:
         std::vector<float> momentum, second; // [groups][kNumbers], [groups][2]
     };
     void stepLevel(Level& level, int shift, std::span<const float> gradient, std::span<const uint8_t> active, const Rates& rates);
+    bool sharing_;
     std::vector<Level> levels_;
     std::vector<float> sums_, deltas_;
     std::vector<uint8_t> on_;

@@ -10,6 +10,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace nacre {
 
@@ -57,7 +58,8 @@ public:
 };
 
 struct AppearanceOptions {
-    int scatterFunctions = 9; // bigs: SH functions of s
+    int scatterFunctions = 0;          // bigs: SH functions of s
+    std::vector<std::string> without{}; // for comparisons: optional parts, and "sharing" between neighbours
 };
 
 /// nullptr if there is no such model.

@@ -187,6 +187,9 @@ Action addBake(CLI::App& app)
     sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality)")->check(wholeNumber(1, 100000000));
     sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
+    sub->add_option("--without", o.without, "For comparisons: train without these (lobe: highlights, visibility: hard shadows, sharing: gloss learnt "
+                                            "together by neighbours)")
+        ->check(CLI::IsMember({"lobe", "visibility", "sharing"}))->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(numberBetween(0, 1));
     sub->add_flag("--refine-lights", o.refineLights,
                   "Correct gain and direction of each training light on the way, for captures that are off by a few per cent or degrees");

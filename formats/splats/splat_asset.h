@@ -24,8 +24,8 @@ struct SplatCloud {                   // all arrays have `count` rows
 struct Channel {
     std::string name;                 // e.g. "tDir"; unique within the asset
     uint32_t components = 0;          // numbers per splat
-    std::vector<float> values;        // count * components, or empty
-    std::vector<uint8_t> bytes;       // count * components, or empty
+    std::vector<float> values{};      // count * components, or empty
+    std::vector<uint8_t> bytes{};     // count * components, or empty
 
     size_t sizeInBytes() const { return values.size() * sizeof(float) + bytes.size(); }
 };

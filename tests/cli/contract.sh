@@ -207,7 +207,7 @@ cmp one/g.glb two/g.glb || fail "1 and 2 threads give different assets after den
 [ "$(grep '"splats"' start.json)" != "$(grep '"splats"' grown.json)" ] || fail "220 iterations do not reach a densification"
 rm one/g.glb two/g.glb
 expect 0 "" "${bake[@]}" -o one/a.glb --iterations 60 --threads 1 --json bake.json
-keys bake.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes history
+keys bake.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes parts history
 grep -q '"iterations": 60,' bake.json || fail "bake.json does not say 60 iterations"
 only one a.glb
 expect 0 "" "${bake[@]}" -o two/a.glb --iterations 60 --threads 2 --json bake2.json
