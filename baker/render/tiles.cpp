@@ -1,6 +1,8 @@
 // Work is cut into fixed chunks of splats, results are joined in chunk order, so the thread count cannot show in the result.
 #include "render/tiles.h"
 
+#include "render/project_gaussians.h"
+
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -24,40 +26,32 @@ void TileBuilder::build(const View<float>& view, std::span<const GaussianGeometr
     bin();
 }
 
+// Every splat has a slot for its projection; only the short lists of the visible are joined.
 void TileBuilder::project(const View<float>& view, std::span<const GaussianGeometry<float>> splats)
 {
     const size_t chunkCount = (splats.size() + kChunk - 1) / kChunk;
-    if (chunks_.size() < chunkCount) chunks_.resize(chunkCount);
+    projected_.resize(splats.size()), visibleInChunk_.resize(splats.size()), chunkVisible_.resize(chunkCount);
     tbb::parallel_for(size_t(0), chunkCount, [&](size_t k) {
-        Chunk& chunk = chunks_[k];
-        chunk.splats.clear(), chunk.projected.clear();
-        for (size_t i = k * kChunk; i < std::min(splats.size(), (k + 1) * kChunk); ++i) {
-            ProjectedGaussian<float> p;
-            if (!projectGaussian(view, splats[i], p)) continue;
-            chunk.splats.push_back(uint32_t(i));
-            chunk.projected.push_back(p);
-        }
+        const size_t first = k * kChunk, count = std::min(kChunk, splats.size() - first);
+        chunkVisible_[k] = projectGaussians(view, splats.subspan(first, count), uint32_t(first), &projected_[first], &visibleInChunk_[first]);
     });
-    unsortedSplats_.clear(), unsortedProjected_.clear();
-    for (size_t k = 0; k < chunkCount; ++k) {
-        unsortedSplats_.insert(unsortedSplats_.end(), chunks_[k].splats.begin(), chunks_[k].splats.end());
-        unsortedProjected_.insert(unsortedProjected_.end(), chunks_[k].projected.begin(), chunks_[k].projected.end());
-    }
+    order_.clear();
+    for (size_t k = 0; k < chunkCount; ++k)
+        order_.insert(order_.end(), &visibleInChunk_[k * kChunk], &visibleInChunk_[k * kChunk] + chunkVisible_[k]);
 }
 
 // Stable, so the splat index breaks ties.
 void TileBuilder::sort()
 {
-    const size_t n = unsortedSplats_.size();
-    keys_.resize(n), order_.resize(n);
-    for (size_t i = 0; i < n; ++i) keys_[i] = radixKey(unsortedProjected_[i].distance), order_[i] = uint32_t(i);
+    const size_t n = order_.size();
+    keys_.resize(n);
+    for (size_t v = 0; v < n; ++v) keys_[v] = radixKey(projected_[order_[v]].distance);
     radixSort<uint32_t>(keys_, order_, sortScratch_);
-    visible.splatFromVisible.resize(n), visible.projected.resize(n);
-    for (size_t v = 0; v < n; ++v) {
-        const uint32_t i = order_[v];
-        visible.splatFromVisible[v] = unsortedSplats_[i];
-        visible.projected[v] = unsortedProjected_[i];
-    }
+    visible.splatFromVisible.assign(order_.begin(), order_.end());
+    visible.projected.resize(n);
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, n, kChunk), [&](const tbb::blocked_range<size_t>& range) {
+        for (size_t v = range.begin(); v < range.end(); ++v) visible.projected[v] = projected_[order_[v]];
+    });
 }
 
 namespace {
@@ -115,8 +109,8 @@ void TileBuilder::bin()
                 for (int tx = tileX0; tx <= tileX1; ++tx) {
                     uint32_t mask = 0;
                     for (int r = 0; r < 4; ++r) {
-                        const int b0 = std::max(first[r], 4 * tx) - 4 * tx, b1 = std::min(last[r], 4 * tx + 3) - 4 * tx;
-                        for (int b = b0; b <= b1; ++b) mask |= 1u << (4 * r + b);
+                        const int b0 = std::max(first[r] - 4 * tx, 0), b1 = std::min(last[r] - 4 * tx, 3);
+                        if (b0 <= b1) mask |= ((2u << b1) - (1u << b0)) << (4 * r);
                     }
                     if (!mask) continue;
                     chunk.pairTile.push_back(uint32_t(ty * tiles.tilesX + tx));
