@@ -1,6 +1,8 @@
 // Work is cut into fixed chunks of splats, results are joined in chunk order, so the thread count cannot show in the result.
 #include "render/tiles.h"
 
+#include "render/project_gaussians.h"
+
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -24,40 +26,32 @@ void TileBuilder::build(const View<float>& view, std::span<const GaussianGeometr
     bin();
 }
 
+// Every splat has a slot for its projection; only the short lists of the visible are joined.
 void TileBuilder::project(const View<float>& view, std::span<const GaussianGeometry<float>> splats)
 {
     const size_t chunkCount = (splats.size() + kChunk - 1) / kChunk;
-    if (chunks_.size() < chunkCount) chunks_.resize(chunkCount);
+    projected_.resize(splats.size()), visibleInChunk_.resize(splats.size()), chunkVisible_.resize(chunkCount);
     tbb::parallel_for(size_t(0), chunkCount, [&](size_t k) {
-        Chunk& chunk = chunks_[k];
-        chunk.splats.clear(), chunk.projected.clear();
-        for (size_t i = k * kChunk; i < std::min(splats.size(), (k + 1) * kChunk); ++i) {
-            ProjectedGaussian<float> p;
-            if (!projectGaussian(view, splats[i], p)) continue;
-            chunk.splats.push_back(uint32_t(i));
-            chunk.projected.push_back(p);
-        }
+        const size_t first = k * kChunk, count = std::min(kChunk, splats.size() - first);
+        chunkVisible_[k] = projectGaussians(view, splats.subspan(first, count), uint32_t(first), &projected_[first], &visibleInChunk_[first]);
     });
-    unsortedSplats_.clear(), unsortedProjected_.clear();
-    for (size_t k = 0; k < chunkCount; ++k) {
-        unsortedSplats_.insert(unsortedSplats_.end(), chunks_[k].splats.begin(), chunks_[k].splats.end());
-        unsortedProjected_.insert(unsortedProjected_.end(), chunks_[k].projected.begin(), chunks_[k].projected.end());
-    }
+    order_.clear();
+    for (size_t k = 0; k < chunkCount; ++k)
+        order_.insert(order_.end(), &visibleInChunk_[k * kChunk], &visibleInChunk_[k * kChunk] + chunkVisible_[k]);
 }
 
 // Stable, so the splat index breaks ties.
 void TileBuilder::sort()
 {
-    const size_t n = unsortedSplats_.size();
-    keys_.resize(n), order_.resize(n);
-    for (size_t i = 0; i < n; ++i) keys_[i] = radixKey(unsortedProjected_[i].distance), order_[i] = uint32_t(i);
+    const size_t n = order_.size();
+    keys_.resize(n);
+    for (size_t v = 0; v < n; ++v) keys_[v] = radixKey(projected_[order_[v]].distance);
     radixSort<uint32_t>(keys_, order_, sortScratch_);
-    visible.splatFromVisible.resize(n), visible.projected.resize(n);
-    for (size_t v = 0; v < n; ++v) {
-        const uint32_t i = order_[v];
-        visible.splatFromVisible[v] = unsortedSplats_[i];
-        visible.projected[v] = unsortedProjected_[i];
-    }
+    visible.splatFromVisible.assign(order_.begin(), order_.end());
+    visible.projected.resize(n);
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, n, kChunk), [&](const tbb::blocked_range<size_t>& range) {
+        for (size_t v = range.begin(); v < range.end(); ++v) visible.projected[v] = projected_[order_[v]];
+    });
 }
 
 namespace {
@@ -65,11 +59,11 @@ namespace {
 struct Span { float lo, hi; };
 
 /// The x range (relative to the mean) that the ellipse q <= qMax covers between the rows y0 <= dy <= y1. Empty if lo > hi.
-Span ellipseSpan(const ProjectedGaussian<float>& s, float qMax, float y0, float y1)
+/// `yRight` is where it reaches furthest right; furthest left is the mirror image.
+Span ellipseSpan(const ProjectedGaussian<float>& s, float qMax, float yRight, float y0, float y1)
 {
     if (y0 > s.extent[1] || y1 < -s.extent[1]) return {1, 0};
     const float a = s.conic[0], b = s.conic[1], c = s.conic[2];
-    const float yRight = -b / c * s.extent[0]; // where the ellipse reaches furthest right; furthest left is the mirror image
     const float yr = std::clamp(yRight, y0, y1), yl = std::clamp(-yRight, y0, y1);
     const auto branch = [&](float y, float sign) {
         const float discriminant = (b * y) * (b * y) - a * (c * y * y - qMax);
@@ -93,7 +87,7 @@ void TileBuilder::bin()
         for (size_t v = k * kChunk; v < std::min(n, (k + 1) * kChunk); ++v) {
             const ProjectedGaussian<float>& s = visible.projected[v];
             const float slack = 0.01f; // pixels: rounding in the span must not lose a pixel on the rim
-            const float qMax = 2.0f * std::log(s.opacity / kMinAlpha);
+            const float qMax = 2.0f * std::log(s.opacity / kMinAlpha), yRight = -s.conic[1] / s.conic[2] * s.extent[0];
             const int tileY0 = int(std::max(0.0f, s.mean[1] - s.extent[1])) / kTileSize;
             const int tileY1 = int(std::min(float(tiles.height - 1), s.mean[1] + s.extent[1])) / kTileSize;
             const size_t before = chunk.pairTile.size();
@@ -101,13 +95,13 @@ void TileBuilder::bin()
                 int first[4], last[4], tileX0 = tiles.tilesX, tileX1 = -1;
                 for (int r = 0; r < 4; ++r) {
                     const float y0 = float(ty * kTileSize + r * kBlockSize) + 0.5f - s.mean[1];
-                    const Span span = ellipseSpan(s, qMax, y0 - slack, y0 + float(kBlockSize - 1) + slack);
+                    const Span span = ellipseSpan(s, qMax, yRight, y0 - slack, y0 + float(kBlockSize - 1) + slack);
                     // pixel centres x + 0.5 inside [lo, hi]
                     const float lo = std::max(0.0f, s.mean[0] + span.lo - 0.5f - slack);
                     const float hi = std::min(float(tiles.width - 1), s.mean[0] + span.hi - 0.5f + slack);
                     first[r] = 1, last[r] = 0;
                     if (!(lo <= hi)) continue;
-                    const int x0 = int(std::ceil(lo)), x1 = int(std::floor(hi));
+                    const int x0 = int(lo) + (float(int(lo)) < lo), x1 = int(hi); // ceil and floor: neither is negative, and neither is a call
                     if (x0 > x1) continue;
                     first[r] = x0 / kBlockSize, last[r] = std::min(blocksX - 1, x1 / kBlockSize);
                     tileX0 = std::min(tileX0, first[r] / 4), tileX1 = std::max(tileX1, last[r] / 4);
@@ -115,8 +109,8 @@ void TileBuilder::bin()
                 for (int tx = tileX0; tx <= tileX1; ++tx) {
                     uint32_t mask = 0;
                     for (int r = 0; r < 4; ++r) {
-                        const int b0 = std::max(first[r], 4 * tx) - 4 * tx, b1 = std::min(last[r], 4 * tx + 3) - 4 * tx;
-                        for (int b = b0; b <= b1; ++b) mask |= 1u << (4 * r + b);
+                        const int b0 = std::max(first[r] - 4 * tx, 0), b1 = std::min(last[r] - 4 * tx, 3);
+                        if (b0 <= b1) mask |= ((2u << b1) - (1u << b0)) << (4 * r);
                     }
                     if (!mask) continue;
                     chunk.pairTile.push_back(uint32_t(ty * tiles.tilesX + tx));

@@ -45,18 +45,17 @@ public:
 
 private:
     struct Chunk {
-        std::vector<uint32_t> splats;
-        std::vector<ProjectedGaussian<float>> projected;
         std::vector<uint32_t> pairTile, pairMask, pairCount;
     };
     void project(const View<float>& view, std::span<const GaussianGeometry<float>> splats);
     void sort();
     void bin();
     std::vector<Chunk> chunks_;
-    std::vector<uint32_t> keys_, order_;
+    std::vector<uint32_t> keys_, order_, visibleInChunk_;
+    std::vector<size_t> chunkVisible_;
     RadixScratch<uint32_t> sortScratch_;
-    std::vector<ProjectedGaussian<float>> unsortedProjected_;
-    std::vector<uint32_t> unsortedSplats_, fill_;
+    std::vector<ProjectedGaussian<float>> projected_; // per splat; only those of visible splats mean something
+    std::vector<uint32_t> fill_;
 };
 
 } // namespace nacre

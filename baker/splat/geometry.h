@@ -25,7 +25,7 @@ struct SplatGeometry {
 
     size_t count() const { return raw.size(); }
     void resize(size_t count);
-    /// Recomputes activated[i] from raw[i] and keeps raw inside its bounds.
+    /// Recomputes activated[i] from raw[i] and keeps raw inside its bounds. The same arithmetic as in stepGeometry, to the bit.
     void activate(size_t i);
     void clearMoments(size_t i);
     void permute(std::span<const uint32_t> order);
@@ -36,9 +36,22 @@ constexpr float kMinLogScale = -12.0f, kMaxLogScale = 3.0f;
 
 float logit(float opacity);
 
+struct GeometryAdam {
+    static constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f, kEpsilon = 1e-15f;
+    static constexpr float kMaxGradient = 1e18f; // NaN, or its square would overflow: the parameter sits out the step
+    float rate[kGeometryParameters];             // with the correction of the momentum's start
+    float correction2;
+    GeometryAdam(const GeometryRates& rates, int step);
+};
+
 /// One Adam step of the visible splats with active[visible] != 0, from their screen-space gradients.
 /// `opacityPull` is added to the gradient of every active opacity (a small positive value fades splats nobody needs).
 void stepGeometry(SplatGeometry& geometry, const View<float>& view, std::span<const uint32_t> splatFromVisible,
                   const ScreenGradient<float>* dSplats, const uint8_t* active, const GeometryRates& rates, int step, float opacityPull);
+
+/// The scalar references of the above, for one splat.
+void activateReference(GeometryRow& raw, GaussianGeometry<float>& activated);
+void stepSplatReference(SplatGeometry& geometry, size_t splat, const View<float>& view, const ScreenGradient<float>& dSplat,
+                        const GeometryAdam& adam, float opacityPull);
 
 } // namespace nacre
