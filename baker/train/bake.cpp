@@ -340,10 +340,12 @@ Result<double> Bake::trainError()
 Status Bake::leaveOutParts()
 {
     TrainableAppearance& appearance = trainer_->appearance();
+    const std::vector<std::string> parts = appearance.optionalParts();
+    if (parts.empty()) return ok(); // asked again at every step: nothing may be rendered for it
     auto with = trainError();
     if (!with) return with.error();
     double error = *with;
-    for (const std::string& part : appearance.optionalParts()) {
+    for (const std::string& part : parts) {
         appearance.setPart(part, false);
         auto without = trainError();
         if (!without) return without.error();

@@ -24,7 +24,7 @@ struct BakeOptions {
     int maxSplats = 0;                 // hard cap; 0: from quality
     int sFunctions = -1;               // 0, 1, 4, 9, 16, 25; -1: from quality
     std::vector<std::string> without;  // for comparisons: see AppearanceOptions
-    double dssim = -1;                 // lambda of the loss (1-l)*L1 + l*(1-SSIM); -1: default
+    double dssim = -1;                 // lambda of the loss (loss.h), the weight of 1-SSIM; -1: default
     bool refineLights = false;         // correct the training lights' gains and directions on the way
     size_t imageBudgetBytes = size_t(1) << 30;
     std::string checkpointPath;        // empty: none

@@ -78,7 +78,7 @@ public:
     void beginStep(double progress, double pace, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) override
     {
         const int due = int(std::upper_bound(std::begin(kVisibilityAt), std::end(kVisibilityAt), progress) - std::begin(kVisibilityAt));
-        if (due > 0 && (!normalsKnown_ || (due > visibilityRenewed_ && progress < kNormalsUntil))) findNormals(geometry);
+        if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > visibilityRenewed_ && progress < kNormalsUntil))) findNormals(geometry);
         bands_.lobe = lobeOn_ && normalsKnown_;
         if (visibilityOn_ && due > visibilityRenewed_) {
             parameters_.visibility = lightVisibility(geometry, kBigsVisibilitySize, kVisibilityOversample);
