@@ -15,6 +15,9 @@
 #include "render/raster.h"
 #include "render/simd_math-inl.h"
 
+#include <hwy/cache_control.h>
+
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -33,10 +36,12 @@ struct TileSplat {
 /// Per-thread scratch of one tile.
 struct TileScratch {
     std::vector<TileSplat> splats;
-    std::vector<uint32_t> list[16];   // per block: indices into splats
+    std::vector<uint32_t> lists;      // 16 rows, one per block: indices into splats
+    size_t listSize[16];
+    std::span<const uint32_t> list(int block) const { return {lists.data() + size_t(block) * splats.size(), listSize[block]}; }
     alignas(64) float out[(kMaxChannels + 1) * kTilePixels];
     alignas(64) float dOut[(kMaxChannels + 1) * kTilePixels];
-    alignas(64) float dOutByPixel[kTilePixels * 16];
+    alignas(64) float dOutByPixel[kTilePixels * kColorStride];
     alignas(64) float total[kTilePixels];
     alignas(64) float inside[kTilePixels]; // 1 inside the image, 0 outside
 };
@@ -76,18 +81,30 @@ struct TileFrame {
             copy(row * 4, size_t(y) * width + x, n);
         }
     }
+    // A copy of a size known when compiling is two moves instead of a loop.
+    static void copyRow(float* to, const float* from, int n)
+    {
+        if (n == kBlockSize) std::memcpy(to, from, kBlockSize * sizeof(float));
+        else std::memcpy(to, from, size_t(n) * sizeof(float));
+    }
     void load(const float* planes, int count, float* tile) const
     {
         if (x0 + kTileSize > width || y0 + kTileSize > height) std::memset(tile, 0, sizeof(float) * count * kTilePixels);
         forEachRow([&](int t, size_t p, int n) {
-            for (int c = 0; c < count; ++c) std::memcpy(tile + c * kTilePixels + t, planes + c * planeSize + p, n * sizeof(float));
+            for (int c = 0; c < count; ++c) copyRow(tile + c * kTilePixels + t, planes + c * planeSize + p, n);
         });
     }
     void store(const float* tile, int count, float* planes) const
     {
         forEachRow([&](int t, size_t p, int n) {
-            for (int c = 0; c < count; ++c) std::memcpy(planes + c * planeSize + p, tile + c * kTilePixels + t, n * sizeof(float));
+            for (int c = 0; c < count; ++c) copyRow(planes + c * planeSize + p, tile + c * kTilePixels + t, n);
         });
+    }
+    void clear(int count, float* planes) const
+    {
+        const size_t bytes = size_t(width - x0 < kTileSize ? width - x0 : kTileSize) * sizeof(float);
+        for (int c = 0; c < count; ++c)
+            for (int y = y0; y < height && y < y0 + kTileSize; ++y) std::memset(planes + c * planeSize + size_t(y) * width + x0, 0, bytes);
     }
 };
 
@@ -137,7 +154,7 @@ HWY_NOINLINE void forwardBlock(const TileScratch& s, const TileEntry* entries, c
         V transmittance = hn::Load(d, s.inside + p);
         V sum[C];
         for (int c = 0; c < C; ++c) sum[c] = hn::Zero(d);
-        for (uint32_t i : s.list[block]) {
+        for (uint32_t i : s.list(block)) {
             const Alpha a = splatAlpha(s.splats[i], px, py, transmittance);
             if (hn::AllFalse(d, a.on)) continue;
             const V w = hn::IfThenElseZero(a.on, hn::Mul(a.alpha, transmittance));
@@ -161,7 +178,7 @@ HWY_NOINLINE void backwardBlock(TileScratch& s, const TileEntry* entries, const 
         const V px = hn::Load(d, kPixels.x + p), py = hn::Load(d, kPixels.y + p);
         const V total = hn::Load(d, s.total + p), dAlpha = hn::Load(d, s.dOut + C * kTilePixels + p);
         V transmittance = hn::Load(d, s.inside + p), prefix = hn::Zero(d);
-        for (uint32_t i : s.list[block]) {
+        for (uint32_t i : s.list(block)) {
             const Alpha a = splatAlpha(s.splats[i], px, py, transmittance);
             if (hn::AllFalse(d, a.on)) continue;
             const float* color = colors + size_t(entries[i].visible) * kColorStride;
@@ -183,7 +200,7 @@ HWY_NOINLINE void backwardBlock(TileScratch& s, const TileEntry* entries, const 
             for (size_t lane = 0; lane < kLanes; ++lane) {
                 const auto wl = hn::Set(d8, w[lane]), gl = hn::Set(d8, dLog[lane]);
                 for (size_t k = 0; k < kRow; ++k)
-                    sums[k] = hn::MulAdd(wl, hn::Load(d8, s.dOutByPixel + (p + lane) * 16 + k * kLanes8), sums[k]);
+                    sums[k] = hn::MulAdd(wl, hn::Load(d8, s.dOutByPixel + (p + lane) * kColorStride + k * kLanes8), sums[k]);
                 for (size_t k = 0; k < 8 / kLanes8; ++k)
                     moments[k] = hn::MulAdd(gl, hn::Load(d8, kPixels.moments + (p + lane) * 8 + k * kLanes8), moments[k]);
                 if (C <= 8) weights = hn::Add(weights, wl);
@@ -197,17 +214,27 @@ HWY_NOINLINE void backwardBlock(TileScratch& s, const TileEntry* entries, const 
 }
 
 // Localises the tile's splats and sorts them into per-block lists.
-void prepareTile(const VisibleSplats& visible, const TileEntry* entries, size_t count, const TileFrame& frame, TileScratch& s)
+void prepareTile(const VisibleSplats& visible, const TileEntry* entries, size_t count, const float* colors, const TileFrame& frame,
+                 TileScratch& s)
 {
     constexpr float kLog2E = 1.44269504f;
+    constexpr size_t kAhead = 8; // a tile's splats lie anywhere among the visible: fetch them and their colours before they are needed
     s.splats.resize(count);
-    for (auto& list : s.list) list.clear();
+    s.lists.resize(16 * count);
+    std::memset(s.listSize, 0, sizeof s.listSize);
     const float centerX = float(frame.x0) + 0.5f * kTileSize, centerY = float(frame.y0) + 0.5f * kTileSize;
     for (size_t i = 0; i < count; ++i) {
+        if (i + kAhead < count) {
+            const size_t next = entries[i + kAhead].visible;
+            hwy::Prefetch(&visible.projected[next]), hwy::Prefetch(colors + next * kColorStride);
+        }
         const ProjectedGaussian<float>& g = visible.projected[entries[i].visible];
         s.splats[i] = {g.mean[0] - centerX,        g.mean[1] - centerY,       0.5f * kLog2E * g.conic[0], kLog2E * g.conic[1],
                        0.5f * kLog2E * g.conic[2], std::log2(g.opacity)};
-        for (uint32_t mask = entries[i].blockMask; mask; mask &= mask - 1) s.list[__builtin_ctz(mask)].push_back(uint32_t(i));
+        for (uint32_t mask = entries[i].blockMask; mask; mask &= mask - 1) {
+            const int block = std::countr_zero(mask);
+            s.lists[block * count + s.listSize[block]++] = uint32_t(i);
+        }
     }
     for (int p = 0; p < kTilePixels; ++p) {
         const int x = frame.x0 + int(kPixels.x[p] + 0.5f * kTileSize), y = frame.y0 + int(kPixels.y[p] + 0.5f * kTileSize);
@@ -219,13 +246,28 @@ template <int C>
 void forwardTile(const VisibleSplats& visible, const TileEntry* entries, size_t count, const float* colors, const TileFrame& frame,
                  TileScratch& s, float* planes)
 {
-    if (count == 0) {
-        std::memset(s.out, 0, sizeof(float) * (C + 1) * kTilePixels);
-    } else {
-        prepareTile(visible, entries, count, frame, s);
-        for (int block = 0; block < 16; ++block) forwardBlock<C>(s, entries, colors, block, s.out);
-    }
+    if (count == 0) return frame.clear(C + 1, planes);
+    prepareTile(visible, entries, count, colors, frame, s);
+    for (int block = 0; block < 16; ++block) forwardBlock<C>(s, entries, colors, block, s.out);
     frame.store(s.out, C + 1, planes);
+}
+
+// The channels of each pixel side by side, four at a time; then zeros, and the one that makes kWeightChannel count.
+template <int C>
+void gatherByPixel(TileScratch& s)
+{
+    const D d;
+    alignas(64) float four[4 * kLanes];
+    for (int c = 0; c < kColorStride; c += 4) {
+        const auto channel = [&](int k, size_t p) {
+            return k < C ? hn::Load(d, s.dOut + k * kTilePixels + p) : hn::Set(d, k == kWeightChannel ? 1.0f : 0.0f);
+        };
+        for (size_t p = 0; p < kTilePixels; p += kLanes) {
+            hn::StoreInterleaved4(channel(c, p), channel(c + 1, p), channel(c + 2, p), channel(c + 3, p), d, four);
+            for (size_t lane = 0; lane < kLanes; ++lane)
+                std::memcpy(s.dOutByPixel + (p + lane) * kColorStride + c, four + 4 * lane, 4 * sizeof(float));
+        }
+    }
 }
 
 template <int C>
@@ -233,7 +275,7 @@ void backwardTile(const VisibleSplats& visible, const TileEntry* entries, size_t
                   TileScratch& s, const float* planes, const float* dPlanes, float* gradients)
 {
     if (count == 0) return;
-    prepareTile(visible, entries, count, frame, s);
+    prepareTile(visible, entries, count, colors, frame, s);
     frame.load(planes, C + 1, s.out);
     frame.load(dPlanes, C + 1, s.dOut);
     const D d;
@@ -243,12 +285,7 @@ void backwardTile(const VisibleSplats& visible, const TileEntry* entries, size_t
             total = hn::MulAdd(hn::Load(d, s.out + c * kTilePixels + p), hn::Load(d, s.dOut + c * kTilePixels + p), total);
         hn::Store(total, d, s.total + p);
     }
-    for (int p = 0; p < kTilePixels; ++p) {
-        float* row = s.dOutByPixel + 16 * p;
-        for (int c = 0; c < C; ++c) row[c] = s.dOut[c * kTilePixels + p];
-        for (int c = C; c < 15; ++c) row[c] = 0.0f;
-        row[kWeightChannel] = 1.0f;
-    }
+    gatherByPixel<C>(s);
     std::memset(gradients, 0, count * kGradientStride * sizeof(float));
     for (int block = 0; block < 16; ++block) backwardBlock<C>(s, entries, colors, block, gradients);
 }
@@ -324,6 +361,8 @@ void rasterBackward(const VisibleSplats& visible, const TileLists& tiles, const 
             scratch.pairGradients.data() + size_t(tiles.tileStart[t]) * kGradientStride);
     });
 
+    constexpr size_t kAhead = 8;
+    const size_t pairs = tiles.entryFromPair.size();
     // Add the rows of each splat in tile order, moving the moments from the tile centre to the splat's mean.
     tbb::parallel_for(tbb::blocked_range<size_t>(0, visible.count(), 256), [&](const tbb::blocked_range<size_t>& range) {
         for (size_t v = range.begin(); v < range.end(); ++v) {
@@ -332,6 +371,7 @@ void rasterBackward(const VisibleSplats& visible, const TileLists& tiles, const 
             std::memset(dColor, 0, kColorStride * sizeof(float));
             float m[6] = {};
             for (uint32_t k = tiles.pairStart[v]; k < tiles.pairStart[v + 1]; ++k) {
+                if (k + kAhead < pairs) hwy::Prefetch(scratch.pairGradients.data() + size_t(tiles.entryFromPair[k + kAhead]) * kGradientStride);
                 const uint32_t entry = tiles.entryFromPair[k];
                 const float* row = scratch.pairGradients.data() + size_t(entry) * kGradientStride;
                 for (int c = 0; c < kColorStride; ++c) dColor[c] += row[c];

@@ -77,8 +77,17 @@ void lossRow(const RowTask& t, RowSums& sums)
         const V linear = hn::IfThenElse(hn::Gt(loaded, hn::Set(d, 1.0f)), hn::Set(d, 1.0f), loaded); // lets NaN through
         const auto ref16 = whole ? hn::LoadU(d16, t.reference + x) : hn::Load(d16, tail16[0]);
         const auto mask16 = whole ? hn::LoadU(d16, t.mask + x) : hn::Load(d16, tail16[1]);
-        const V reference = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(di, ref16)), unorm);
+        const auto radiance16 = whole ? hn::LoadU(d16, t.radiance + x) : hn::Load(d16, tail16[2]);
         const V alpha = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(di, mask16)), unorm);
+        const auto in = hn::Gt(alpha, hn::Set(d, 0.5f));
+        maskedCount = hn::Add(maskedCount, hn::IfThenElseZero(in, hn::Set(d, 1.0f)));
+        // Most of an image is background, black in both.
+        if (whole && hn::AllTrue(d, hn::Eq(loaded, hn::Zero(d))) && hn::AllTrue(d16, hn::Eq(hn::Or(ref16, radiance16), hn::Zero(d16)))) {
+            hn::StoreU(hn::Zero(d), d, t.gradient + x);
+            if (t.encoded) hn::StoreU(hn::Zero(d), d, t.encoded + x), hn::StoreU(hn::Set(d, 12.92f), d, t.slope + x);
+            continue;
+        }
+        const V reference = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(di, ref16)), unorm);
 
         // sRGB: 12.92 x below 0.0031308, else 1.055 x^(1/2.4) - 0.055
         const V safe = hn::Max(linear, hn::Set(d, 0.0031308f));
@@ -88,15 +97,13 @@ void lossRow(const RowTask& t, RowSums& sums)
         const V slope = hn::IfThenElse(low, hn::Set(d, 12.92f), hn::Div(power, hn::Mul(safe, hn::Set(d, 2.4f))));
 
         const V difference = hn::Sub(value, reference);
-        const auto half = hn::BitCast(hn::Rebind<hwy::float16_t, D>(), whole ? hn::LoadU(d16, t.radiance + x) : hn::Load(d16, tail16[2]));
+        const auto half = hn::BitCast(hn::Rebind<hwy::float16_t, D>(), radiance16);
         const V shown = hn::Mul(hn::Sub(linear, hn::PromoteTo(d, half)), slope);
         const V gradient = hn::Mul(hn::Mul(shown, slope), hn::Set(d, t.weight));
         const V square = hn::Mul(difference, difference);
-        const auto in = hn::Gt(alpha, hn::Set(d, 0.5f));
         weighted = hn::MulAdd(shown, shown, weighted);
         squared = hn::Add(squared, square);
         masked = hn::Add(masked, hn::IfThenElseZero(in, square));
-        maskedCount = hn::Add(maskedCount, hn::IfThenElseZero(in, hn::Set(d, 1.0f)));
         if (whole) {
             hn::StoreU(gradient, d, t.gradient + x);
             if (t.encoded) hn::StoreU(value, d, t.encoded + x), hn::StoreU(slope, d, t.slope + x);

@@ -136,7 +136,7 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
         active_[v] = dSplats_[v].weight > kActiveWeight;
         if (!active_[v]) continue;
         ++lastActive;
-        gradientSum_[i] += gradientScale * std::hypot(dSplats_[v].mean[0], dSplats_[v].mean[1]);
+        gradientSum_[i] += gradientScale * std::sqrt(dSplats_[v].mean[0] * dSplats_[v].mean[0] + dSplats_[v].mean[1] * dSplats_[v].mean[1]);
         ++seen_[i];
     }
     const float fall = float(moment.pace * std::pow(kFinalRate, moment.progress));

@@ -280,7 +280,8 @@ TEST_CASE("SIMD forward equals the scalar evaluator")
 {
     for (int sFunctions : {0, 9, 25}) {
         Scene scene(sFunctions);
-        std::vector<float> colors(scene.visible * 16), terms(scene.visible * kBigsTermStride);
+        std::vector<float> colors(scene.visible * 16);
+        AlignedVector<float> terms(scene.parameters.blocks() * kBigsTermStride * kLanes16);
         bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, {}, colors.data(), terms.data());
         for (size_t i = 0; i < Scene::kCount; ++i) {
             if (scene.visibleFromSplat[i] == ~0u) continue;
@@ -309,7 +310,8 @@ TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam d
         const Scene before(sFunctions);
         std::mt19937_64 rng(8);
         std::uniform_real_distribution<float> u(-1, 1);
-        std::vector<float> colors(scene.visible * 16), terms(scene.visible * kBigsTermStride), dColors(scene.visible * 16);
+        std::vector<float> colors(scene.visible * 16), dColors(scene.visible * 16);
+        AlignedVector<float> terms(scene.parameters.blocks() * kBigsTermStride * kLanes16);
         std::vector<uint8_t> active(scene.visible, 1);
         active[4] = 0;
         for (float& d : dColors) d = u(rng);

@@ -102,7 +102,7 @@ public:
 
     void forward(const VisibleView& view, const LitView& lit, float* colors) override
     {
-        if (terms_.size() < view.visibleCount * kBigsTermStride) terms_.resize(view.visibleCount * kBigsTermStride);
+        terms_.resize(parameters_.blocks() * kBigsTermStride * kLanes16);
         bigsForward(parameters_, view, lit, bands_, random_, colors, terms_.data());
     }
 

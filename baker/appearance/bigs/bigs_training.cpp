@@ -268,7 +268,7 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
 {
     const D d;
     const int lights = view.lightCount + (random.on ? 1 : 0);
-    alignas(64) float lanes[3 + kTermsPerLight][kN] = {};
+    alignas(64) float lanes[3 * kMaxLightsPerStep][kN];
     for (int lane = 0; lane < kLanes16; lane += kN) {
         bool any = false;
         for (int k = 0; k < kN; ++k) any = any || in.visible[lane + k] != ~0u;
@@ -287,24 +287,23 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
                 if (bands.lobe) shape = lobe.at(dir.toEye, dir.toLight[l]).shape;
             }
             const V lit = hn::NegMulAdd(shadow, dark, set(1));
-            hn::Store(dark, d, lanes[10]);
+            float* kept = terms + (block * kBigsTermStride + size_t(kTermsPerLight) * l) * kLanes16 + lane;
+            hn::Store(t[l].direct, d, kept);
+            hn::Store(dark, d, kept + 7 * kLanes16);
             for (int c = 0; c < 3; ++c) {
                 if (l < view.lightCount) {
                     const V sharp = hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), hn::Mul(lobe.color[c], shape));
                     const V transport = hn::MulAdd(lit, sharp, hn::Max(t[l].indirect[c], zero()));
-                    hn::Store(hn::Mul(hn::Mul(transport, dir.falloff[l]), set(view.lights[l].intensity[c])), d, lanes[c]);
+                    hn::Store(hn::Mul(hn::Mul(transport, dir.falloff[l]), set(view.lights[l].intensity[c])), d, lanes[3 * l + c]);
                 }
-                hn::Store(t[l].scatter[c], d, lanes[4 + c]);
-                hn::Store(t[l].indirect[c], d, lanes[7 + c]);
+                hn::Store(t[l].scatter[c], d, kept + (1 + c) * kLanes16);
+                hn::Store(t[l].indirect[c], d, kept + (4 + c) * kLanes16);
             }
-            hn::Store(t[l].direct, d, lanes[3]);
-            for (int k = 0; k < kN; ++k) {
-                const size_t v = in.visible[lane + k];
-                if (v == ~0u) continue;
-                if (l < view.lightCount)
-                    for (int c = 0; c < 3; ++c) colors[v * 16 + 3 * l + c] = lanes[c][k];
-                for (int i = 0; i < kTermsPerLight; ++i) terms[v * kBigsTermStride + kTermsPerLight * l + i] = lanes[3 + i][k];
-            }
+        }
+        for (int k = 0; k < kN; ++k) {
+            const size_t v = in.visible[lane + k];
+            if (v == ~0u) continue;
+            for (int c = 0; c < 3 * view.lightCount; ++c) colors[v * 16 + c] = lanes[c][k];
         }
     }
 }
@@ -322,16 +321,20 @@ struct Adam {
     }
 };
 
+struct BiasCorrection {
+    float first, second;
+    explicit BiasCorrection(const BigsUpdate& u) : first(1 - std::pow(u.beta1, float(u.step))), second(1 - std::pow(u.beta2, float(u.step))) {}
+};
+
 // Folds the mean square gradient of a group into its second moment and returns the step size rate / sqrt(v).
-HWY_INLINE V stepSize(float* secondMoment, V meanSquare, float rate, const BigsUpdate& u, hn::Mask<D> on)
+HWY_INLINE V stepSize(float* secondMoment, V meanSquare, float rate, const BigsUpdate& u, const BiasCorrection& bias, hn::Mask<D> on)
 {
     const D d;
     const V old = hn::Load(d, secondMoment);
     const V v = hn::MulAdd(set(u.beta2), old, hn::Mul(set(1 - u.beta2), meanSquare));
     hn::Store(hn::IfThenElse(on, v, old), d, secondMoment);
-    const float correction1 = 1 - std::pow(u.beta1, float(u.step)), correction2 = 1 - std::pow(u.beta2, float(u.step));
-    const V root = hn::Sqrt(hn::Mul(v, set(1 / correction2)));
-    return hn::Div(set(rate / correction1), hn::Add(root, set(1e-15f)));
+    const V root = hn::Sqrt(hn::Mul(v, set(1 / bias.second)));
+    return hn::Div(set(rate / bias.first), hn::Add(root, set(1e-15f)));
 }
 
 // Gradient gate of a clamp max(value, 0): open where value > 0 or where descent would raise it (bigsTransportBackward, leaky).
@@ -346,7 +349,8 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
 {
     const D d;
     const int lights = view.lightCount + (random.on ? 1 : 0);
-    alignas(64) float scratch[kN], scratchOn[kN];
+    const BiasCorrection bias(update);
+    alignas(64) float scratchOn[kN], gathered[3 * kMaxLightsPerStep][kN];
     for (int lane = 0; lane < kLanes16; lane += kN) {
         bool any = false;
         for (int k = 0; k < kN; ++k) {
@@ -360,12 +364,11 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         float* value = parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane;
         float* momentum = parameters.momentum.data() + block * parameters.coefficients() * kLanes16 + lane;
         float* second = parameters.secondMoment.data() + block * kBigsGroups * kLanes16 + lane;
-        const auto gather = [&](const float* from, size_t stride, int offset) {
-            for (int k = 0; k < kN; ++k) {
-                const size_t v = in.visible[lane + k];
-                scratch[k] = v != ~0u ? from[v * stride + offset] : 0.0f;
-            }
-            return hn::Load(d, scratch);
+        for (int k = 0; k < kN; ++k) // all stores before the first load: a vector read of what was just written in parts would wait
+            for (int c = 0; c < 3 * view.lightCount; ++c)
+                gathered[c][k] = in.visible[lane + k] != ~0u ? dColors[size_t(in.visible[lane + k]) * 16 + c] : 0.0f;
+        const auto term = [&](int l, int i) {
+            return hn::Load(d, terms + (block * kBigsTermStride + size_t(kTermsPerLight) * l + i) * kLanes16 + lane);
         };
 
         Directions dir;
@@ -375,20 +378,20 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         const V shadow = hn::Load(d, value + kShadow * kLanes16);
         V dShadow = zero(), dNormal[3] = {zero(), zero(), zero()}, dLogSharpness = zero(), dLobeColor[3] = {zero(), zero(), zero()};
         for (int l = 0; l < lights; ++l) {
-            t[l].direct = gather(terms, kBigsTermStride, kTermsPerLight * l);
+            t[l].direct = term(l, 0);
             for (int c = 0; c < 3; ++c) {
-                t[l].scatter[c] = gather(terms, kBigsTermStride, kTermsPerLight * l + 1 + c);
-                t[l].indirect[c] = gather(terms, kBigsTermStride, kTermsPerLight * l + 4 + c);
+                t[l].scatter[c] = term(l, 1 + c);
+                t[l].indirect[c] = term(l, 4 + c);
             }
         }
         for (int l = 0; l < lights; ++l) {
-            const V dark = gather(terms, kBigsTermStride, kTermsPerLight * l + 7), lit = hn::NegMulAdd(shadow, dark, set(1));
+            const V dark = term(l, 7), lit = hn::NegMulAdd(shadow, dark, set(1));
             const V direct = hn::Max(t[l].direct, zero());
             V dTransport[3], dUnshadowed = zero();
             for (int c = 0; c < 3; ++c) {
                 dTransport[c] = zero();
                 if (l < view.lightCount)
-                    dTransport[c] = hn::Mul(hn::Mul(gather(dColors, 16, 3 * l + c), dir.falloff[l]), set(view.lights[l].intensity[c]));
+                    dTransport[c] = hn::Mul(hn::Mul(hn::Load(d, gathered[3 * l + c]), dir.falloff[l]), set(view.lights[l].intensity[c]));
                 dUnshadowed = hn::MulAdd(dTransport[c], hn::Max(t[l].scatter[c], zero()), dUnshadowed);
                 g[l].scatter[c] = gate(t[l].scatter[c], hn::Mul(hn::Mul(dTransport[c], lit), direct));
                 g[l].indirect[c] = gate(t[l].indirect[c], dTransport[c]);
@@ -420,7 +423,7 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         const auto stepGroup = [&](BigsGroup group, int first, int count) {
             V square = zero();
             for (int k = 0; k < count; ++k) square = hn::MulAdd(gradient[k], gradient[k], square);
-            const V rate = stepSize(second + group * kLanes16, hn::Mul(square, set(1.0f / float(count))), update.rate[group], update, on);
+            const V rate = stepSize(second + group * kLanes16, hn::Mul(square, set(1.0f / float(count))), update.rate[group], update, bias, on);
             const Adam adam{oneMinusBeta1, beta1, rate, on};
             for (int k = 0; k < count; ++k) adam.step(value + (first + k) * kLanes16, momentum + (first + k) * kLanes16, gradient[k]);
         };
@@ -520,7 +523,7 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
             before = square;
             const int group = kGroupScatter0 + degree;
             if (!(update.rate[group] > 0)) continue;
-            const V rate = stepSize(second + group * kLanes16, meanSquare, update.rate[group], update, on);
+            const V rate = stepSize(second + group * kLanes16, meanSquare, update.rate[group], update, bias, on);
             const Adam adam{oneMinusBeta1, beta1, rate, on};
             for (int b = b0; b < b1; ++b) {
                 const size_t row = size_t(kScatter + 3 * (b * (b + 1) / 2)) * kLanes16;

@@ -60,7 +60,7 @@ struct BigsUpdate {
     float positiveWeight = 0, energyWeight = 0; // of BiGS eq. 15 and 14, already divided by the number of splats
 };
 
-constexpr int kBigsTermStride = 40;   // floats per visible splat: 8 per light and for the random light
+constexpr int kBigsTermStride = 40;   // floats per splat: 8 per light and for the random light
 
 /// Gradient of sharpness and k, for SharedAdam: [splat][4] d log sharpness, d k; active[splat] if the splat took part.
 struct BigsLobeGradients {
@@ -69,7 +69,7 @@ struct BigsLobeGradients {
 };
 
 /// Colours (radiance) of the visible splats: colors[visible][16], three per light. Keeps the unclamped terms
-/// [visible][kBigsTermStride] for the backward pass.
+/// [block][kBigsTermStride][16] (64-byte aligned) for the backward pass.
 void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
                  const BigsRandomLight& random, float* colors, float* terms);
 
