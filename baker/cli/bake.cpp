@@ -187,8 +187,8 @@ Action addBake(CLI::App& app)
     sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality)")->check(wholeNumber(1, 100000000));
     sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
-    sub->add_option("--without", o.without, "For comparisons: train without these (lobe: highlights, visibility: hard shadows, sharing: gloss learnt "
-                                            "together by neighbours)")
+    sub->add_option("--without", o.without, "For comparisons: train without these (lobe: highlights, visibility: hard shadows, sharing: gloss and "
+                                            "indirect light learnt together by neighbours)")
         ->check(CLI::IsMember({"lobe", "visibility", "sharing"}))->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(numberBetween(0, 1));
     sub->add_flag("--refine-lights", o.refineLights,

@@ -69,6 +69,7 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 #include "base/radix_sort.h"
+#include "splat/splat_grid.h"
 
 #include <glm/glm.hpp>
 #include <tbb/enumerable_thread_specific.h>
@@ -92,7 +93,6 @@ Scene prepareScene(std::span<const GaussianGeometry<float>> splats)
 {
     constexpr float kBias = 4;   // in median splat sizes
     Scene scene{splats, {}};
-    std::vector<float> sizes;
     glm::vec3 lo(std::numeric_limits<float>::max()), hi(-lo);
     for (const GaussianGeometry<float>& g : splats) {
         float unit[4], m[9];
@@ -100,12 +100,10 @@ Scene prepareScene(std::span<const GaussianGeometry<float>> splats)
         detail::rotationMatrix(unit, m);
         glm::mat3& axes = scene.axes.emplace_back();
         for (int k = 0; k < 3; ++k) axes[k] = g.scale[k] * glm::vec3(m[k], m[3 + k], m[6 + k]);
-        sizes.push_back(std::max({g.scale[0], g.scale[1], g.scale[2]}));
         const glm::vec3 p(g.position[0], g.position[1], g.position[2]);
         lo = glm::min(lo, p), hi = glm::max(hi, p);
     }
-    std::nth_element(sizes.begin(), sizes.begin() + ptrdiff_t(sizes.size() / 2), sizes.end());
-    scene.bias = kBias * sizes[sizes.size() / 2];
+    scene.bias = kBias * medianSplatSize(splats);
     scene.center = 0.5f * (lo + hi);
     scene.radius = std::max(0.5f * glm::length(hi - lo), 1e-6f);
     return scene;
