@@ -33,10 +33,10 @@ constexpr double kFinalRate = 0.01;
 // When the bands are switched on, as fractions of the bake: degree d of T_dir and T_ind at d * kBandEvery, of s from kScatterStart.
 constexpr double kBandEvery = 0.02, kScatterStart = 0.06;
 // Lobe and visibility come in together, when T_dir knows where light comes from. Visibility is renewed as the geometry moves, and normals
-// are taken from the geometry again until kNormalsUntil; from then on they only learn. (knob_marble, 3000 steps, masked: 26.4 dB with
-// normals of the start, not averaged; 26.95 dB like this.)
+// are taken from the geometry again until kNormalsUntil; from then on they only learn. Later, what they have learnt is worth more: taken
+// anew at 0.3 of a bake of 30 minutes they cost knob_marble 0.6 dB, which the falling rates never made up for.
 constexpr double kSharpStart = 0.06, kVisibilityAt[] = {kSharpStart, 0.16, 0.3, 0.5, 0.8};
-constexpr double kNormalsUntil = 0.4;
+constexpr double kNormalsUntil = 0.2;
 constexpr int kVisibilityOversample = 2;
 // Neighbours share how T_ind depends on the light once all its bands are there. (bunny_wax, 8000 steps, 24 k splats, masked: 29.35 dB without,
 // 29.71 dB with; without it the error rises again from the middle of a long bake.)
