@@ -59,7 +59,7 @@ public:
 
 struct AppearanceOptions {
     int scatterFunctions = 0;          // bigs: SH functions of s
-    std::vector<std::string> without{}; // for comparisons: optional parts, and "sharing" between neighbours
+    std::vector<std::string> without{}; // for comparisons: optional parts, "sharing" between neighbours, "schedule": plain Adam with one constant rate
 };
 
 /// nullptr if there is no such model.

@@ -18,6 +18,7 @@ variant lobe "no highlights (lobe)" --without lobe
 variant visibility "no hard shadows (visibility)" --without visibility
 variant sharing "neighbours share nothing (gloss, indirect light)" --without sharing
 variant paper "s of the paper, 9 functions, no lobe, no visibility" --without lobe,visibility --s-functions 9
+variant adam "plain Adam, one constant rate for the appearance" --without schedule
 variant splats "half of the splats" --max-splats 12000
 python3 "$here/plot_histories.py" "$out/ablation.svg" "$(basename "$dataset"), $iterations steps" "${entries[@]}"
 for entry in "${entries[@]}"; do

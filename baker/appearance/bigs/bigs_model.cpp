@@ -30,6 +30,7 @@ constexpr ChannelRow kChannels[] = {
 };
 constexpr float kRateSharpness = 6e-2f /* of its logarithm */, kRateLobeColor = 5e-2f;
 constexpr double kFinalRate = 0.01;
+constexpr float kPlainRate = 5e-3f; // of everything, for comparison
 // When the bands are switched on, as fractions of the bake: degree d of T_dir and T_ind at d * kBandEvery, of s from kScatterStart.
 constexpr double kBandEvery = 0.02, kScatterStart = 0.06;
 // Lobe and visibility come in together, when T_dir knows where light comes from. Visibility is renewed as the geometry moves, and normals
@@ -56,8 +57,8 @@ public:
         parameters_.sFunctions = options.scatterFunctions;
         bands_.scatter = options.scatterFunctions; // all in use until beginStep says otherwise
         const auto with = [&](const char* part) { return std::find(options.without.begin(), options.without.end(), part) == options.without.end(); };
-        lobeOn_ = with("lobe"), visibilityOn_ = with("visibility"), sharing_ = with("sharing");
-        shared_ = SharedAdam(sharing_);
+        lobeOn_ = with("lobe"), visibilityOn_ = with("visibility"), sharing_ = with("sharing"), scheduled_ = with("schedule");
+        shared_ = SharedAdam(sharing_ && scheduled_);
     }
 
     size_t count() const override { return parameters_.count; }
@@ -101,8 +102,8 @@ public:
         if (sharing_ && progress >= kShareFrom && step % kShareEvery == 0) shareIndirectLight(geometry);
         const float fall = float(pace * std::pow(kFinalRate, progress));
         for (const ChannelRow& c : kChannels)
-            for (int group = c.group; group <= c.last; ++group) update_.rate[group] = c.rate * fall;
-        sharedRates_ = {kRateSharpness * fall, kRateLobeColor * fall, update_.beta1, update_.beta2};
+            for (int group = c.group; group <= c.last; ++group) update_.rate[group] = scheduled_ ? c.rate * fall : kPlainRate;
+        sharedRates_ = {scheduled_ ? kRateSharpness * fall : kPlainRate, scheduled_ ? kRateLobeColor * fall : kPlainRate, update_.beta1, update_.beta2};
         update_.step = step;
         update_.positiveWeight = kPositiveWeight / float(parameters_.count);
         update_.energyWeight = kEnergyWeight / float(parameters_.count);
@@ -242,7 +243,7 @@ private:
     BigsLobeGradients lobeGradients_;
     std::vector<uint32_t> neighbours_;  // splatNeighbours; empty: splats have changed places
     std::vector<float> shareScratch_;
-    bool normalsKnown_ = false, lobeOn_ = true, visibilityOn_ = true, sharing_ = true;
+    bool normalsKnown_ = false, lobeOn_ = true, visibilityOn_ = true, sharing_ = true, scheduled_ = true;
     int visibilityRenewed_ = 0;         // how many of kVisibilityAt are done
     std::vector<uint8_t> setAside_;     // visibility that was switched off
     BigsBands bands_;
