@@ -30,6 +30,13 @@ struct VisibleView {
     size_t visibleCount = 0;
 };
 
+/// A group of channels that an asset can do without.
+struct OptionalPart {
+    std::string name;
+    double judgedAt;   // fraction of the bake: when it has to show what it is worth
+    double leastWorth; // dB of training images that it has to be worth
+};
+
 class TrainableAppearance {
 public:
     virtual ~TrainableAppearance() = default;
@@ -39,18 +46,17 @@ public:
     virtual void copySplat(size_t from, size_t to) = 0;          // clears the optimiser state of `to`
     virtual void permute(std::span<const uint32_t> order) = 0;
 
-    /// `progress` in [0, 1] sets learning rates and what is in use, `pace` scales the rates; `step` counts from 1; `random` are three
+    /// `progress` in [0, 1] says what is in use, `rate` scales the learning rates; `step` counts from 1; `random` are three
     /// numbers in [0, 1). Now and then the model looks at the geometry of all splats, for what follows from it (normals, visibility).
-    virtual void beginStep(double progress, double pace, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) = 0;
+    virtual void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) = 0;
     /// colors[visible][kColorStride], three per light.
     virtual void forward(const VisibleView& view, const LitView& lit, float* colors) = 0;
     /// Steps every visible splat with active[visible] != 0. Call after forward of the same view.
     virtual void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dColors) = 0;
 
-    /// Groups of channels that an asset can do without, of those in use now. A group that is switched off is neither evaluated nor
-    /// trained nor exported.
-    virtual std::vector<std::string> optionalParts() const = 0;
-    virtual void setPart(const std::string& part, bool on) = 0;
+    /// Of those in use now.
+    virtual std::vector<OptionalPart> optionalParts() const = 0;
+    virtual void leaveOut(const std::string& part) = 0;          // neither evaluated nor trained nor exported from here on
 
     virtual std::vector<Channel> exportChannels() const = 0;
     virtual void save(ByteWriter& out) const = 0;

@@ -185,11 +185,11 @@ Action addBake(CLI::App& app)
     sub->add_option("--threads", o.threads, "0: all cores; the result does not depend on it")->check(wholeNumber(0, 4096))->capture_default_str();
     sub->add_option("--seed", o.seed, "Of every random choice")->check(wholeNumber(0, INT64_MAX))->capture_default_str();
     sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality)")->check(wholeNumber(1, 100000000));
-    sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term s; 9 is worth 1 dB for fur (default: 0, none)")
+    sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term s, while it earns its bytes (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
-    sub->add_option("--without", o.without, "For comparisons: train without these (lobe: highlights, visibility: hard shadows, sharing: gloss and "
+    sub->add_option("--without", o.without, "For comparisons: train without these (s: other view dependence, lobe: highlights, visibility: hard shadows, sharing: gloss and "
                                             "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam)")
-        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule"}))->delimiter(',');
+        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s"}))->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(numberBetween(0, 1));
     sub->add_flag("--refine-lights", o.refineLights,
                   "Correct gain and direction of each training light on the way, for captures that are off by a few per cent or degrees");

@@ -67,7 +67,7 @@ private:
         const BigsCoefficients<float> g{&tDir_->values[25 * splat], &tInd_->values[75 * splat], &rho_->values[3 * splat],
                                         s_ ? &s_->values[size_t(s_->components) * splat] : nullptr, sFunctions_,
                                         lobe_ ? &lobe_->values[kBigsLobeFloats * splat] : nullptr,
-                                        visibility_ ? &visibility_->bytes[kBigsVisibilityTexels * splat] : nullptr,
+                                        visibility_ ? VisibilityMap{&visibility_->bytes[visibility_->components * splat], bigsVisibilitySize(visibility_->components)} : VisibilityMap{},
                                         shadow_ ? shadow_->values[splat] : 1.0f};
         const float* p = geometry_[splat].position;
         float y[kMaxShFunctions], a[3 * kMaxShFunctions];

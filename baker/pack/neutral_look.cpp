@@ -175,7 +175,7 @@ Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Ligh
             const BigsCoefficients<float> g{&tDir.values[i * tDir.components], &tInd.values[i * tInd.components],
                                             &rho.values[i * rho.components], s ? &s->values[i * s->components] : nullptr,
                                             sFunctions, lobe ? &lobe->values[i * lobe->components] : nullptr,
-                                            visibility ? &visibility->bytes[i * visibility->components] : nullptr,
+                                            visibility ? VisibilityMap{&visibility->bytes[i * visibility->components], bigsVisibilitySize(visibility->components)} : VisibilityMap{},
                                             shadow ? shadow->values[i] : 1.0f};
             sampleRadiance(g, std::span(incidents).first(lights.size()), views, radiance);
             for (size_t f = 0; f < kFunctions; ++f) {

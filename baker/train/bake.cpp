@@ -27,7 +27,7 @@ struct Quality {
     const char* name;
     int iterations, maxSplats, sFunctions;
 };
-constexpr Quality kQualities[] = {{"draft", 2000, 6000, 0}, {"standard", 15000, 24000, 0}, {"high", 40000, 48000, 0}};
+constexpr Quality kQualities[] = {{"draft", 2000, 6000, 0}, {"standard", 15000, 24000, 9}, {"high", 40000, 48000, 9}};
 
 constexpr int kHullResolution = 128;
 constexpr size_t kHullCameras = 200;        // more silhouettes hardly change the hull
@@ -37,12 +37,11 @@ constexpr double kDensifyFrom = 0.02, kDensifyUntil = 0.5; // of the bake
 constexpr double kGrowth = 1.06;            // per densification
 constexpr double kCheckpointSeconds = 60, kCheckpointProgress = 0.05; // whichever comes first,
 constexpr double kCheckpointPause = 100, kCheckpointLeast = 1;         // but no sooner than this many times what the last one took, or seconds
-constexpr double kReferenceSteps = 3000;     // a longer bake takes smaller steps (pace)
+constexpr double kReferenceSteps = 3000;     // a longer bake takes smaller steps (rate)
+constexpr double kFinalRate = 0.01, kLeastRate = 0.02; // of the learning rates at the start, and of those of a bake of kReferenceSteps
 constexpr int kRefineLightsEvery = 8;        // steps
 constexpr double kRefineLightsFrom = 0.1;    // of the bake: before, the splats are still too wrong to tell
-constexpr double kPartsAt = 0.6;             // of the bake: when the optional parts of the model have to show what they are worth
-constexpr double kPartWorth = 0.02;          // dB
-constexpr size_t kPartsCameras = 24;
+constexpr double kTrialLength = 0.03, kTrialLeast = 150 /* steps */, kTrialMost = 0.1; // of the bake: with and without an optional part
 constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -90,7 +89,6 @@ public:
         return group;
     }
     size_t passLength() const { return groups_.size(); }
-    const CameraImages& group(size_t k) const { return groups_[k]; }
 
 private:
     std::vector<CameraImages> groups_;
@@ -117,10 +115,11 @@ private:
     Status train();
     double progress() const;
     Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, Silhouettes* silhouettes);
-    Result<LossStats> trainStep(const Trainer::Moment& moment);
-    double pace(double progress) const;
+    Result<LossStats> trainStep(const Trainer::Moment& moment, bool onTrial = false);
+    double rate(double progress) const;
+    double expectedSteps(double progress) const;
     Status track();
-    Result<double> trainError();
+    Result<double> trial(double progress, int steps);
     Status leaveOutParts();
     Status checkpoint();
     void report(const char* stage, double progress);
@@ -263,7 +262,7 @@ Status Bake::prepare()
     return ok();
 }
 
-Result<LossStats> Bake::trainStep(const Trainer::Moment& moment)
+Result<LossStats> Bake::trainStep(const Trainer::Moment& moment, bool onTrial)
 {
     const CameraImages view = order_->at(moment.step);
     std::vector<std::shared_ptr<const PreparedImage>> held;
@@ -278,7 +277,7 @@ Result<LossStats> Bake::trainStep(const Trainer::Moment& moment)
     }
     const Camera& camera = train_->cameras[view.camera];
     // before the step, when the splats have not just been fitted to these images
-    if (refinement_ && moment.progress >= kRefineLightsFrom && moment.step % kRefineLightsEvery == 0)
+    if (refinement_ && !onTrial && moment.progress >= kRefineLightsFrom && moment.step % kRefineLightsEvery == 0)
         refinement_->observe(view.images, references, [&](std::span<const Light> l, std::vector<float>& planes) { trainer_->render(camera, l, planes); });
     return trainer_->step(camera, std::span(lights, view.images.size()), references, moment);
 }
@@ -310,52 +309,60 @@ Status Bake::track()
     return ok();
 }
 
-// Masked squared error over a few cameras of the train split, spread over all, under up to four of their lights.
-Result<double> Bake::trainError()
+// Steps on, and how wrong the splats were on images that they had not been fitted to just now: masked squared error of the second half.
+Result<double> Bake::trial(double progress, int steps)
 {
-    ImageLoss loss;
-    std::vector<float> planes, dPlanes;
     double squared = 0, count = 0;
-    const size_t cameras = order_->passLength(), stride = std::max<size_t>(1, cameras / kPartsCameras);
-    for (size_t k = 0; k < cameras; k += stride) {
-        const CameraImages& group = order_->group(k);
-        std::vector<std::shared_ptr<const PreparedImage>> held;
-        std::vector<const PreparedImage*> references;
-        std::vector<Light> lights;
-        for (size_t i = 0; i < std::min<size_t>(group.images.size(), kMaxLightsPerStep); ++i) {
-            auto image = images_->get(group.images[i]);
-            if (!image) return image.error();
-            held.push_back(*image), references.push_back(held.back().get()), lights.push_back(train_->images[group.images[i]].light);
-        }
-        trainer_->render(train_->cameras[group.camera], lights, planes);
-        dPlanes.resize(planes.size());
-        const LossStats s = loss.evaluate(planes.data(), references.data(), int(lights.size()), {}, dPlanes.data());
-        const bool masked = s.countMasked > 0;
-        squared += masked ? s.squaredErrorMasked : s.squaredError, count += masked ? s.countMasked : s.count;
+    const int first = state_.step + 1, last = state_.step + steps;
+    for (int step = first; step <= last; ++step) {
+        if (cancelled()) return Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(state_.step)};
+        if (now() - lastReport_ > 0.5) report("training", progress);
+        auto stats = trainStep({step, progress, rate(progress)}, true);
+        if (!stats) return stats.error();
+        if (2 * (step - first) < steps) continue;
+        const bool masked = stats->countMasked > 0;
+        squared += masked ? stats->squaredErrorMasked : stats->squaredError, count += masked ? stats->countMasked : stats->count;
     }
     return squared / std::max(count, 1.0);
 }
 
-// Each part is switched off for a moment; what the error does not notice is left out for good. The rest of the bake adapts to it.
+// The same steps are made twice, with a part and without it; the better splats are kept. Both have adapted to what they have by then: merely
+// switching a part off says that s is worth as much to marble as to fur (0.6 dB), where it is worth 0 and 0.9 dB.
 Status Bake::leaveOutParts()
 {
     TrainableAppearance& appearance = trainer_->appearance();
-    const std::vector<std::string> parts = appearance.optionalParts();
-    if (parts.empty()) return ok(); // asked again at every step: nothing may be rendered for it
-    auto with = trainError();
-    if (!with) return with.error();
-    double error = *with;
-    for (const std::string& part : parts) {
-        appearance.setPart(part, false);
-        auto without = trainError();
-        if (!without) return without.error();
+    const auto restore = [&](const ByteWriter& saved) {
+        ByteReader in(saved.bytes);
+        if (!trainer_->load(in)) std::abort(); // its own bytes of a moment ago
+    };
+    for (const OptionalPart& part : appearance.optionalParts()) {
+        const bool judged = std::any_of(state_.parts.begin(), state_.parts.end(), [&](const PartWorth& w) { return w.name == part.name; });
+        const double at = progress();
+        if (judged || at < part.judgedAt) continue;
+        const double all = expectedSteps(at);
+        const int steps = int(std::max(kTrialLength * all, std::min(kTrialLeast, kTrialMost * all))) + 1;
+        ByteWriter before, after;
+        trainer_->save(before);
+        auto with = trial(at, steps);
+        trainer_->save(after);
+        restore(before);
+        Result<double> without = with;
+        if (with) {
+            appearance.leaveOut(part.name);
+            without = trial(at, steps);
+        }
+        if (!without) { // cancelled: as if the trial had never begun
+            restore(before);
+            return without.error();
+        }
+
         PartWorth worth;
-        part.copy(worth.name, sizeof worth.name - 1);
-        worth.decibel = 10 * std::log10(std::max(*without, 1e-12) / std::max(error, 1e-12));
-        worth.kept = worth.decibel >= kPartWorth;
-        if (worth.kept) appearance.setPart(part, true);
-        else error = *without;
+        part.name.copy(worth.name, sizeof worth.name - 1);
+        worth.decibel = 10 * std::log10(std::max(*without, 1e-12) / std::max(*with, 1e-12));
+        worth.kept = worth.decibel >= part.leastWorth;
+        if (worth.kept) restore(after);
         state_.parts.push_back(worth);
+        state_.step += steps, state_.stepsSinceReset += steps;
     }
     return ok();
 }
@@ -389,17 +396,23 @@ double Bake::progress() const { return byTime_ ? elapsed() / (0.99 * 60 * option
 
 // A bake of more than kReferenceSteps takes smaller steps, so that it travels the same way more finely. Less travel leaves gloss, and
 // directions that few lights cover, near their initial values; more makes knob_marble worse. (6000 steps, 12 k splats, held-out, masked, for
-// 3000 and 6000: knob_marble 27.0, 26.7 dB; bunny_wax 29.8, 29.8 dB. 21 k steps, 24 k splats, for 1500: knob_marble 26.7 dB.)
-double Bake::pace(double progress) const
+// 3000 and 6000: knob_marble 27.0, 26.7 dB; bunny_wax 29.8, 29.8 dB. 21 k steps, 24 k splats, for 1500: knob_marble 26.7 dB.) All rates fall exponentially over the bake: to a hundredth,
+// which is worth 1 dB, but not below kLeastRate, where a long bake would only learn noise. (10 k steps, 12 k splats, knob_marble, for kLeastRate 0,
+// 0.006, 0.02 and 0.05: 27.18, 27.26, 27.35, 27.24 dB; bunny_wax, for 0 and 0.02: 29.63, 29.63 dB.)
+double Bake::rate(double progress) const
 {
-    double steps = iterations_; // of the whole bake
-    if (byTime_) {
-        constexpr double kGuessSeconds = 0.03; // a step, until the clock says better
-        const int done = state_.step - resumedStep_;
-        const double perStep = done > 20 ? (progress - startedProgress_) / done : kGuessSeconds / (60 * options_.minutes);
-        steps = 1.0 / std::max(perStep, 1e-9);
-    }
-    return std::min(1.0, kReferenceSteps / steps);
+    const double pace = std::min(1.0, kReferenceSteps / expectedSteps(progress));
+    return pace * std::pow(std::clamp(kLeastRate / pace, kFinalRate, 1.0), progress);
+}
+
+// Of the whole bake.
+double Bake::expectedSteps(double progress) const
+{
+    if (!byTime_) return iterations_;
+    constexpr double kGuessSeconds = 0.03; // a step, until the clock says better
+    const int done = state_.step - resumedStep_;
+    const double perStep = done > 20 ? (progress - startedProgress_) / done : kGuessSeconds / (60 * options_.minutes);
+    return 1.0 / std::max(perStep, 1e-9);
 }
 
 Status Bake::train()
@@ -411,22 +424,20 @@ Status Bake::train()
     LossStats pass; // since the last whole pass through the cameras
     const int watch = std::max(kDensifyEvery, int(order_->passLength()));
     for (;;) {
+        Status parts = cancelled() ? Status(Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(state_.step)}) : leaveOutParts();
+        if (!parts) {
+            if (Status s = checkpoint(); !s) return s;
+            return parts;
+        }
         const double at = progress();
         if (at >= 1.0) break;
-        if (cancelled()) {
-            if (Status s = checkpoint(); !s) return s;
-            return Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(state_.step)};
-        }
         if (options_.trackHeldOut && at >= state_.nextTrack) {
             if (Status s = track(); !s) return s;
             state_.nextTrack = (std::floor(at / kTrackEvery) + 1) * kTrackEvery;
         }
 
-        if (at >= kPartsAt && state_.parts.empty())
-            if (Status s = leaveOutParts(); !s) return s;
-
         ++state_.step, ++state_.stepsSinceReset;
-        auto stats = trainStep({state_.step, at, pace(at)});
+        auto stats = trainStep({state_.step, at, rate(at)});
         if (!stats) return stats.error();
         if (!std::isfinite(stats->loss))
             return Error{ErrorCode::kIo, "training diverged at step " + std::to_string(state_.step) + ": the loss is not finite"};

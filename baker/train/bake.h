@@ -45,7 +45,7 @@ struct HistoryPoint { double seconds; int iteration; int splats; double psnrTest
 /// An optional part of the model (TrainableAppearance::optionalParts): what it was worth on training images, and whether it stayed.
 struct PartWorth {
     char name[24] = {};
-    double decibel = 0;                // PSNR lost without it, object only
+    double decibel = 0;                // PSNR of images not just trained on that is lost without it, object only
     int32_t kept = 1;
 };
 

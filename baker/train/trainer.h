@@ -33,8 +33,8 @@ public:
     /// Where a step stands in the bake.
     struct Moment {
         int step = 1;        // from 1
-        double progress = 0; // [0, 1]: rates fall and bands are switched on with it
-        double pace = 1;     // scales all rates
+        double progress = 0; // [0, 1]: of the bake; what is in use depends on it
+        double rate = 1;     // scales all learning rates
     };
     /// One camera under up to kMaxLightsPerStep lights.
     LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, const Moment& moment);

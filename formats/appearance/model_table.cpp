@@ -20,7 +20,7 @@ std::vector<AppearanceModel> makeTable()
           {"rho", {3}},
           {"s", {0, pairs(1), pairs(4), pairs(9), pairs(16), pairs(25)}}, // 0: the channel may be absent
           {"lobe", {0, kBigsLobeFloats}},
-          {"visibility", {0, kBigsVisibilityTexels}, ChannelType::kUnorm8},
+          {"visibility", {0, 256, 1024}, ChannelType::kUnorm8},
           {"shadow", {0, 1}}}},
     };
 }

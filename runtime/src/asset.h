@@ -62,7 +62,8 @@ struct NacreAssetImpl {
     int width = 0, rows = 0;       // of the grid, layout.glsl
     int rowShift = 0;              // layers of the textures that hold one long row are 2^shift texels wide and high
     int sFunctions = 0;
-    bool hasLobe = false, hasVisibility = false;
+    bool hasLobe = false;
+    int visibilitySize = 0; // texels per side; 0: none
     float lowPassVariance = 0;
     glm::vec3 boundsMin{0}, boundsMax{0};
     glm::quat yUpFromAsset{1, 0, 0, 0};

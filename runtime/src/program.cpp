@@ -27,8 +27,8 @@ static std::string defines(const NacreAssetImpl& asset)
     whole("ROW_SHIFT", asset.rowShift);
     whole("S_FUNCTIONS", asset.sFunctions);
     whole("HAS_LOBE", asset.hasLobe);
-    whole("HAS_VISIBILITY", asset.hasVisibility);
-    whole("VISIBILITY_SIZE", kBigsVisibilitySize);
+    whole("HAS_VISIBILITY", asset.visibilitySize > 0);
+    whole("VISIBILITY_SIZE", asset.visibilitySize);
     real("VISIBILITY_SLOPE", kBigsVisibilitySlope);
     real("LOBE_FACING", kBigsLobeFacing);
     real("MIN_ALPHA", kMinAlpha);

@@ -51,7 +51,7 @@ static Failure growLightTargets(NacreAssetImpl& asset, int groups)
     asset.groupCapacity = groups;
     asset.direct = createSlotTexture(asset, GL_RGBA32F, groups);
     asset.indirect = createSlotTexture(asset, GL_RGBA32F, groups);
-    if (asset.hasLobe && asset.hasVisibility) asset.visible = createSlotTexture(asset, GL_RGBA16F, groups);
+    if (asset.hasLobe && asset.visibilitySize > 0) asset.visible = createSlotTexture(asset, GL_RGBA16F, groups);
     const GLuint targets[] = {asset.direct, asset.indirect, asset.visible};
     const GLenum attachments[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2};
     const int count = asset.visible ? 3 : 2;
@@ -85,7 +85,7 @@ static void runLightPass(NacreAssetImpl& asset, const PackedLights& lights)
     bindTexture(gl, 0, GL_TEXTURE_2D, asset.geometry);
     bindTexture(gl, 1, GL_TEXTURE_2D, asset.transport);
     bindTexture(gl, 2, GL_TEXTURE_2D, asset.lights);
-    if (asset.hasVisibility) bindTexture(gl, 3, GL_TEXTURE_2D_ARRAY, asset.visibility);
+    if (asset.visibilitySize > 0) bindTexture(gl, 3, GL_TEXTURE_2D_ARRAY, asset.visibility);
     gl.Uniform1i(asset.lightPass.lightCount, lights.count);
     gl.Uniform1f(asset.lightPass.worldScale2, lights.worldScale2);
     runPass(asset, asset.lightFramebuffer, (lights.count + 3) / 4);

@@ -71,7 +71,7 @@ static Failure chooseLayout(NacreAssetImpl& asset)
 
     asset.rowShift = std::bit_width(unsigned(maxSize)) - 1;
     if (Failure f = checkLongRow(asset, "s", bigsPairCount(asset.sFunctions))) return f;
-    return checkLongRow(asset, "visibility", asset.hasVisibility ? kBigsVisibilityTexels : 0);
+    return checkLongRow(asset, "visibility", asset.visibilitySize * asset.visibilitySize);
 }
 
 static Failure checkHalfRange(const Channel& channel)
@@ -261,7 +261,7 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
     asset.count = uint32_t(source.cloud.count);
     asset.sFunctions = s ? bigsScatterFunctions(s->components) : 0;
     asset.hasLobe = lobe != nullptr;
-    asset.hasVisibility = visibility != nullptr;
+    asset.visibilitySize = visibility ? bigsVisibilitySize(visibility->components) : 0;
     asset.lowPassVariance = source.lowPassVariance;
     asset.yUpFromAsset = source.yUpFromAsset;
     asset.positions = source.cloud.positions;

@@ -320,33 +320,38 @@ TEST_CASE("fewer spherical harmonics are a prefix")
 
 TEST_CASE("visibility map: texel centres, seams and slope")
 {
+    int n = 0;
+    SUBCASE("16 x 16") { n = 16; }
+    SUBCASE("32 x 32") { n = 32; }
     // A map that holds the height z of its texels' directions, wide enough a ramp that the slope does not clip it.
-    const auto direction = [](int i, int j, double out[3]) {
-        const double u = (i + 0.5) / 8 - 1, v = (j + 0.5) / 8 - 1, z = 1 - std::abs(u) - std::abs(v);
+    const auto direction = [&](int i, int j, double out[3]) {
+        const double u = (i + 0.5) / (n / 2) - 1, v = (j + 0.5) / (n / 2) - 1, z = 1 - std::abs(u) - std::abs(v);
         out[0] = z >= 0 ? u : (1 - std::abs(v)) * (u < 0 ? -1 : 1), out[1] = z >= 0 ? v : (1 - std::abs(u)) * (v < 0 ? -1 : 1), out[2] = z;
         const double length = std::sqrt(out[0] * out[0] + out[1] * out[1] + z * z);
         for (int k = 0; k < 3; ++k) out[k] /= length;
     };
-    std::vector<uint8_t> map(kBigsVisibilityTexels);
+    std::vector<uint8_t> texels(size_t(n) * size_t(n));
+    const VisibilityMap map{texels.data(), n};
     const auto stored = [](const double* d) { return 0.5 + 0.08 * d[0] - 0.04 * d[1] + 0.05 * d[2]; };
-    for (int j = 0; j < 16; ++j)
-        for (int i = 0; i < 16; ++i) {
+    for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i) {
             double d[3];
             direction(i, j, d);
-            map[size_t(16 * j + i)] = uint8_t(std::lround(255 * stored(d)));
+            texels[size_t(n * j + i)] = uint8_t(std::lround(255 * stored(d)));
         }
     // Everywhere on the sphere, seams and poles included, the bilinear value follows the smooth function.
     for (int k = 0; k < 5000; ++k) {
         const glm::dvec3 d = fibonacciDirection(k, 5000);
         const double expected = 0.5 + kBigsVisibilitySlope * (stored(&d.x) - 0.5);
         CAPTURE(k);
-        CHECK(std::abs(bigsVisibility(map.data(), &d.x) - expected) < 0.05); // bilinear error of a degree-1 function on texels of up to 15 degrees
+        CHECK(std::abs(bigsVisibility(map, &d.x) - expected) < 0.05); // bilinear error of a degree-1 function on texels of up to 15 degrees
     }
     for (const glm::dvec3& axis : {glm::dvec3(1, 0, 0), glm::dvec3(-1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, -1, 0), glm::dvec3(0, 0, -1)})
-        CHECK(std::abs(bigsVisibility(map.data(), &axis.x) - (0.5 + kBigsVisibilitySlope * (stored(&axis.x) - 0.5))) < 0.05);
+        CHECK(std::abs(bigsVisibility(map, &axis.x) - (0.5 + kBigsVisibilitySlope * (stored(&axis.x) - 0.5))) < 0.05);
     const double up[3] = {0, 0, 1};
-    CHECK(bigsVisibility(std::vector<uint8_t>(256, 255).data(), up) == 1.0);
-    CHECK(bigsVisibility(std::vector<uint8_t>(256, 0).data(), up) == 0.0);
+    const std::vector<uint8_t> open(texels.size(), 255), closed(texels.size(), 0);
+    CHECK(bigsVisibility(VisibilityMap{open.data(), n}, up) == 1.0);
+    CHECK(bigsVisibility(VisibilityMap{closed.data(), n}, up) == 0.0);
 }
 
 TEST_CASE("lobe: peak at the mirror direction, reciprocal up to the facing term, none from behind, finite for any input")

@@ -95,13 +95,13 @@ inline SplatAsset withSharp(SplatAsset asset, int which, uint32_t seed, float sh
 {
     std::mt19937 rng(seed);
     const auto uniform = [&](float lo, float hi) { return lo + (hi - lo) * float(rng() >> 8) * 0x1p-24f; };
-    Channel lobe{"lobe", kBigsLobeFloats, {}, {}}, visibility{"visibility", kBigsVisibilityTexels, {}, {}}, shadow{"shadow", 1, {}, {}};
+    Channel lobe{"lobe", kBigsLobeFloats, {}, {}}, visibility{"visibility", seed % 2 ? 256u : 1024u, {}, {}}, shadow{"shadow", 1, {}, {}};
     for (size_t g = 0; g < asset.cloud.count; ++g) {
         const float z = uniform(-1, 1), phi = uniform(0, 6.2832f), r = std::sqrt(1 - z * z);
         const float sharpness = 0.1f * std::pow(10 * sharpest, uniform(0, 1));
         lobe.values.insert(lobe.values.end(), {r * std::cos(phi), r * std::sin(phi), z, sharpness});
         for (int c = 0; c < 3; ++c) lobe.values.push_back(uniform(0, 2));
-        for (int i = 0; i < kBigsVisibilityTexels; ++i) visibility.bytes.push_back(uint8_t(rng() >> 24));
+        for (uint32_t i = 0; i < visibility.components; ++i) visibility.bytes.push_back(uint8_t(rng() >> 24));
         shadow.values.push_back(uniform(0, 1));
     }
     if (which & kLobe) asset.channels.push_back(lobe);
@@ -145,7 +145,7 @@ inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 e
     const std::vector<double> lobe = row("lobe");
     const Channel* visibility = asset.find("visibility");
     const BigsCoefficients<double> k{tDir.data(), tInd.data(), rho.data(), s.data(), functions, lobe.empty() ? nullptr : lobe.data(),
-                                     visibility ? &visibility->bytes[g * kBigsVisibilityTexels] : nullptr,
+                                     visibility ? VisibilityMap{&visibility->bytes[g * visibility->components], bigsVisibilitySize(visibility->components)} : VisibilityMap{},
                                      asset.find("shadow") ? double(asset.find("shadow")->values[g]) : 1.0};
     const glm::dvec3 mean = asset.cloud.positions[g], out = glm::length(eye - mean) > 0 ? glm::normalize(eye - mean) : glm::dvec3(0, 0, 1);
     double y[25], a[75];

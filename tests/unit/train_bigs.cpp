@@ -25,7 +25,7 @@ struct Coefficients {
         const double length = std::sqrt(lobe[0] * lobe[0] + lobe[1] * lobe[1] + lobe[2] * lobe[2]);
         for (int k = 0; k < 3; ++k) lobe[k] /= length;
         lobe[3] = std::exp(lobe[3]);
-        return {&values[0], &values[25], &values[100], values.data() + kScatter, sFunctions, lobe, map.empty() ? nullptr : map.data(), values[kShadow]};
+        return {&values[0], &values[25], &values[100], values.data() + kScatter, sFunctions, lobe, {map.empty() ? nullptr : map.data()}, values[kShadow]};
     }
     BigsGradient<double> gradient() { return {&values[0], &values[25], &values[100], values.data() + kScatter}; }
 };
@@ -48,7 +48,7 @@ Coefficients randomCoefficients(std::mt19937_64& rng, int sFunctions)
     for (int c = 0; c < 3; ++c) g.values[100 + c] = 0.4, g.values[25 + c] += 0.5, g.values[kLobeColor + c] = 0.5 + 0.2 * c;
     g.values[kLobe + 2] += 1.0, g.values[kLobeSharpness] = 1.5 + g.values[kLobeSharpness], g.values[kShadow] = 0.8;
     g.map.resize(kBigsVisibilityTexels); // smooth and away from the ends of the slope
-    for (int t = 0; t < kBigsVisibilityTexels; ++t) g.map[size_t(t)] = uint8_t(127 + 20 * std::sin(0.4 * (t % 16)) - 8 * std::cos(0.3 * (t / 16)));
+    for (int t = 0; t < kBigsVisibilityTexels; ++t) g.map[size_t(t)] = uint8_t(127 + 20 * std::sin(0.4 * (t % kBigsVisibilitySize)) - 8 * std::cos(0.3 * (t / kBigsVisibilitySize)));
     return g;
 }
 
@@ -246,7 +246,7 @@ struct Scene {
     {
         Coefficients g(parameters.sFunctions);
         for (size_t k = 0; k < g.values.size(); ++k) g.values[k] = parameters.value[parameters.index(i, int(k))];
-        if (!parameters.visibility.empty()) g.map.assign(&parameters.visibility[256 * i], &parameters.visibility[256 * i] + 256);
+        if (!parameters.visibility.empty()) g.map.assign(&parameters.visibility[kBigsVisibilityTexels * i], &parameters.visibility[kBigsVisibilityTexels * i] + kBigsVisibilityTexels);
         return g;
     }
     double falloff(size_t i, int l, double* yLight, double* wi) const
@@ -275,6 +275,23 @@ struct Scene {
 };
 
 } // namespace
+
+TEST_CASE("without s, all else of a splat stays where it was, optimiser state included")
+{
+    Scene scene(9);
+    BigsParameters& p = scene.parameters;
+    for (size_t i = 0; i < p.momentum.size(); ++i) p.momentum[i] = 0.5f * p.value[i] + 1;
+    const BigsParameters before = p;
+    p.dropScatter();
+    CHECK(p.coefficients() == kScatter);
+    CHECK(p.value.size() == p.blocks() * kScatter * kLanes16);
+    CHECK(p.secondMoment == before.secondMoment);
+    for (size_t i = 0; i < p.count; ++i)
+        for (int k = 0; k < kScatter; ++k) {
+            REQUIRE(p.value[p.index(i, k)] == before.value[before.index(i, k)]);
+            REQUIRE(p.momentum[p.index(i, k)] == before.momentum[before.index(i, k)]);
+        }
+}
 
 TEST_CASE("SIMD forward equals the scalar evaluator")
 {

@@ -36,7 +36,7 @@ std::vector<GaussianGeometry<float>> sphere(int count, float radius)
 float visibility(const std::vector<uint8_t>& maps, size_t splat, const glm::vec3& w)
 {
     const glm::vec3 d = glm::normalize(w);
-    return bigsVisibility(&maps[splat * kBigsVisibilityTexels], &d.x);
+    return bigsVisibility(VisibilityMap{&maps[splat * kBigsVisibilityTexels]}, &d.x);
 }
 
 } // namespace
@@ -83,7 +83,7 @@ TEST_CASE("visibility does not depend on the number of threads and survives odd 
     };
     CHECK(map(1) == map(3));
     splats[5].scale[0] = splats[5].scale[1] = 300, splats[9].opacity = 0, splats[11].scale[2] = 1e-12f;
-    CHECK(lightVisibility(splats, kBigsVisibilitySize, 1).size() == 400 * 256);
+    CHECK(lightVisibility(splats, kBigsVisibilitySize, 1).size() == 400 * kBigsVisibilityTexels);
     splats.resize(1);
     for (uint8_t v : lightVisibility(splats, kBigsVisibilitySize, 1)) CHECK(v == 255);
     CHECK(lightVisibility({}, kBigsVisibilitySize, 1).empty());

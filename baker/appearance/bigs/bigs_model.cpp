@@ -12,8 +12,7 @@ namespace nacre {
 
 namespace {
 
-// The channels of a splat: where they lie in a row, and their learning rates at the start; all fall exponentially to kFinalRate of
-// that. (Measured: lower rates and a deep anneal are worth 1 dB.)
+// The channels of a splat: where they lie in a row, and their learning rates at the start.
 struct ChannelRow {
     const char* name;
     int first, components;  // components 0: up to the end of the row
@@ -29,7 +28,6 @@ constexpr ChannelRow kChannels[] = {
     {"s", kScatter, 0, kGroupScatter0, BigsGroup(kBigsGroups - 1), 1e-3f},
 };
 constexpr float kRateSharpness = 6e-2f /* of its logarithm */, kRateLobeColor = 5e-2f;
-constexpr double kFinalRate = 0.01;
 constexpr float kPlainRate = 5e-3f; // of everything, for comparison
 // When the bands are switched on, as fractions of the bake: degree d of T_dir and T_ind at d * kBandEvery, of s from kScatterStart.
 constexpr double kBandEvery = 0.02, kScatterStart = 0.06;
@@ -38,7 +36,11 @@ constexpr double kBandEvery = 0.02, kScatterStart = 0.06;
 // anew at 0.3 of a bake of 30 minutes they cost knob_marble 0.6 dB, which the falling rates never made up for.
 constexpr double kSharpStart = 0.06, kVisibilityAt[] = {kSharpStart, 0.16, 0.3, 0.5, 0.8};
 constexpr double kNormalsUntil = 0.2;
-constexpr int kVisibilityOversample = 2;
+constexpr int kVisibilityOversample = 1;
+// What optional parts have to be worth, in dB, and when. s is more than half of the memory, and anything that depends on view and light gets
+// something from it (marble 0.3 dB, wax 0.2), but held-out views only do if nothing else fits (fur 0.8 dB). Lobe and visibility are worth
+// 0.1 dB to fur, where held-out views are better without.
+constexpr double kScatterJudgedAt = 0.2, kScatterWorth = 0.5, kSharpJudgedAt = 0.3, kSharpWorth = 0.2;
 // Neighbours share how T_ind depends on the light once all its bands are there. (bunny_wax, 8000 steps, 24 k splats, masked: 29.35 dB without,
 // 29.71 dB with; without it the error rises again from the middle of a long bake.)
 constexpr double kShareFrom = 0.1;
@@ -54,11 +56,11 @@ class BigsModel final : public TrainableAppearance {
 public:
     explicit BigsModel(const AppearanceOptions& options)
     {
-        parameters_.sFunctions = options.scatterFunctions;
-        bands_.scatter = options.scatterFunctions; // all in use until beginStep says otherwise
         const auto with = [&](const char* part) { return std::find(options.without.begin(), options.without.end(), part) == options.without.end(); };
-        lobeOn_ = with("lobe"), visibilityOn_ = with("visibility"), sharing_ = with("sharing"), scheduled_ = with("schedule");
+        lobeOn_ = with("lobe"), visibilityOn_ = with("visibility");
+        sharing_ = with("sharing"), scheduled_ = with("schedule");
         shared_ = SharedAdam(sharing_ && scheduled_);
+        parameters_.sFunctions = bands_.scatter = scatterFunctions_ = with("s") ? options.scatterFunctions : 0; // all in use until beginStep says otherwise
     }
 
     size_t count() const override { return parameters_.count; }
@@ -85,7 +87,7 @@ public:
         neighbours_.clear();
     }
 
-    void beginStep(double progress, double pace, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) override
+    void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) override
     {
         const int due = int(std::upper_bound(std::begin(kVisibilityAt), std::end(kVisibilityAt), progress) - std::begin(kVisibilityAt));
         if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > visibilityRenewed_ && progress < kNormalsUntil))) findNormals(geometry);
@@ -100,7 +102,7 @@ public:
                              ? 0
                              : std::min(parameters_.sFunctions, functionsOfDegree(std::min(4, int((progress - kScatterStart) / kBandEvery))));
         if (sharing_ && progress >= kShareFrom && step % kShareEvery == 0) shareIndirectLight(geometry);
-        const float fall = float(pace * std::pow(kFinalRate, progress));
+        const float fall = float(rate);
         for (const ChannelRow& c : kChannels)
             for (int group = c.group; group <= c.last; ++group) update_.rate[group] = scheduled_ ? c.rate * fall : kPlainRate;
         sharedRates_ = {scheduled_ ? kRateSharpness * fall : kPlainRate, scheduled_ ? kRateLobeColor * fall : kPlainRate, update_.beta1, update_.beta2};
@@ -123,20 +125,20 @@ public:
         if (bands_.lobe) stepSharedLobe();
     }
 
-    std::vector<std::string> optionalParts() const override
+    std::vector<OptionalPart> optionalParts() const override
     {
-        std::vector<std::string> parts;
-        if (bands_.lobe) parts.push_back("lobe");
-        if (!parameters_.visibility.empty()) parts.push_back("visibility");
+        std::vector<OptionalPart> parts;
+        if (parameters_.sFunctions > 0) parts.push_back({"s", kScatterJudgedAt, kScatterWorth});
+        if (lobeOn_ && normalsKnown_) parts.push_back({"lobe", kSharpJudgedAt, kSharpWorth});
+        if (!parameters_.visibility.empty()) parts.push_back({"visibility", kSharpJudgedAt, kSharpWorth});
         return parts;
     }
 
-    void setPart(const std::string& part, bool on) override
+    void leaveOut(const std::string& part) override
     {
-        if (part == "lobe") lobeOn_ = bands_.lobe = on;
-        if (part != "visibility" || on == visibilityOn_) return;
-        visibilityOn_ = on;
-        parameters_.visibility.swap(setAside_);
+        if (part == "s") parameters_.dropScatter(), bands_.scatter = 0;
+        if (part == "lobe") lobeOn_ = bands_.lobe = false;
+        if (part == "visibility") visibilityOn_ = false, parameters_.visibility.clear();
     }
 
     std::vector<Channel> exportChannels() const override
@@ -144,7 +146,7 @@ public:
         const bool shaded = !parameters_.visibility.empty();
         std::vector<Channel> channels;
         for (const ChannelRow& row : kChannels) {
-            const bool used = row.first == kLobe ? bands_.lobe : row.first == kShadow ? shaded : true;
+            const bool used = row.first == kLobe ? lobeOn_ && normalsKnown_ : row.first == kShadow ? shaded : true;
             const int components = row.components > 0 ? row.components : parameters_.coefficients() - row.first;
             if (!used || components == 0) continue;
             Channel c{row.name, uint32_t(components), std::vector<float>(parameters_.count * size_t(components)), {}};
@@ -169,9 +171,9 @@ public:
 
     bool load(ByteReader& in) override
     {
-        if (in.value<int32_t>() != parameters_.sFunctions) return false;
         BigsParameters p;
-        p.sFunctions = parameters_.sFunctions;
+        p.sFunctions = in.value<int32_t>();
+        if (p.sFunctions != scatterFunctions_ && p.sFunctions != 0) return false; // 0: left out
         p.count = in.value<uint64_t>();
         in.array(p.value), in.array(p.momentum), in.array(p.secondMoment), in.array(p.visibility);
         normalsKnown_ = in.value<bool>(), lobeOn_ = in.value<bool>(), visibilityOn_ = in.value<bool>(), visibilityRenewed_ = in.value<int32_t>();
@@ -238,6 +240,7 @@ private:
     }
 
     BigsParameters parameters_;
+    int scatterFunctions_ = 0;          // of s, unless it has been left out
     SharedAdam shared_;
     SharedAdam::Rates sharedRates_;
     BigsLobeGradients lobeGradients_;
@@ -245,7 +248,6 @@ private:
     std::vector<float> shareScratch_;
     bool normalsKnown_ = false, lobeOn_ = true, visibilityOn_ = true, sharing_ = true, scheduled_ = true;
     int visibilityRenewed_ = 0;         // how many of kVisibilityAt are done
-    std::vector<uint8_t> setAside_;     // visibility that was switched off
     BigsBands bands_;
     BigsUpdate update_;
     BigsRandomLight random_;

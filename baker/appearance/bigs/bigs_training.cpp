@@ -149,7 +149,7 @@ V darkness(const BigsParameters& parameters, const BlockInput& in, int lane, con
     for (int k = 0; k < kN; ++k) {
         if (in.visible[lane + k] == ~0u) continue;
         const float direction[3] = {w[0][k], w[1][k], w[2][k]};
-        dark[k] = 1 - bigsVisibility(&parameters.visibility[(in.first + size_t(lane + k)) * kBigsVisibilityTexels], direction);
+        dark[k] = 1 - bigsVisibility(VisibilityMap{&parameters.visibility[(in.first + size_t(lane + k)) * kBigsVisibilityTexels]}, direction);
     }
     return hn::Load(d, dark);
 }
@@ -590,6 +590,19 @@ void BigsParameters::permute(std::span<const uint32_t> order)
     for (size_t i = 0; i < order.size(); ++i)
         std::copy_n(&visibility[order[i] * kBigsVisibilityTexels], kBigsVisibilityTexels, &moved[i * kBigsVisibilityTexels]);
     visibility.swap(moved);
+}
+
+void BigsParameters::dropScatter()
+{
+    if (sFunctions == 0) return;
+    const size_t oldRow = size_t(coefficients()) * kLanes16;
+    sFunctions = 0;
+    const size_t row = size_t(coefficients()) * kLanes16;
+    for (AlignedVector<float>* data : {&value, &momentum}) {
+        for (size_t block = 1; block < blocks(); ++block) std::copy_n(data->data() + block * oldRow, row, data->data() + block * row);
+        data->resize(blocks() * row);
+        data->shrink_to_fit();
+    }
 }
 
 void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,

@@ -39,6 +39,8 @@ struct BigsParameters {
     void copySplat(size_t from, size_t to);
     /// splat i of the result is splat order[i] of this, optimiser state included.
     void permute(std::span<const uint32_t> order);
+    /// Rows without s from here on; all else, optimiser state included, stays.
+    void dropScatter();
 };
 
 /// How many SH functions of each channel are in use (bands are switched on one after the other), and whether the lobe is.
