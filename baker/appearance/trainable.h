@@ -23,6 +23,13 @@ struct LitView {
     Light lights[kMaxLightsPerStep];
 };
 
+/// Where a pixel's light comes from: pixel (x, y) looks from `eye` along origin + x * right + y * down (at pixel centres x + 0.5), a vector
+/// whose length along the camera's axis is one.
+struct PixelRays {
+    float eye[3], origin[3], right[3], down[3];
+    int width = 0, height = 0;
+};
+
 /// The visible splats of a view. All per-visible arrays are in the rasteriser's front-to-back order.
 struct VisibleView {
     std::span<const GaussianGeometry<float>> geometry; // all splats
@@ -49,10 +56,17 @@ public:
     /// `progress` in [0, 1] says what is in use, `rate` scales the learning rates; `step` counts from 1; `random` are three
     /// numbers in [0, 1). Now and then the model looks at the geometry of all splats, for what follows from it (normals, visibility).
     virtual void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) = 0;
-    /// colors[visible][kColorStride], three per light.
-    virtual void forward(const VisibleView& view, const LitView& lit, float* colors) = 0;
+    /// How many channels are blended under so many lights: a count that the rasteriser takes (raster.h).
+    virtual int channels(int lightCount) const { return 3 * lightCount; }
+    /// channels[visible][channelStride], of which resolve makes three per light.
+    virtual void forward(const VisibleView& view, const LitView& lit, float* channels) = 0;
+    /// From blended channels (planes of channels(), then alpha) to what the image shows (three planes per light, then alpha). A model
+    /// that shades splats, not pixels, has nothing to do. Valid until the next call.
+    virtual const float* resolve(const PixelRays&, const LitView&, const float* planes) { return planes; }
+    /// The other way, after resolve of the same view: gradient of the planes from that of the image.
+    virtual const float* resolveBackward(const PixelRays&, const LitView&, const float* planes, const float* dImage) { return (void)planes, dImage; }
     /// Steps every visible splat with active[visible] != 0. Call after forward of the same view.
-    virtual void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dColors) = 0;
+    virtual void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dChannels) = 0;
 
     /// Of those in use now.
     virtual std::vector<OptionalPart> optionalParts() const = 0;

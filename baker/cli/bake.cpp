@@ -5,7 +5,7 @@
 #include "asset/asset_io.h"
 #include "base/file.h"
 #include "pack/neutral_look.h"
-#include "train/bake.h"
+#include "train/choose_model.h"
 
 #include <algorithm>
 #include <cmath>
@@ -128,7 +128,18 @@ static Status runBake(BakeArguments args)
     options.trackHeldOut = !args.json.empty() && dataset->find("test");
 
     Progress progress;
-    auto result = bake(*dataset, options, [&](const BakeProgress& p) { progress.show(progressText(p)); }, &stop);
+    const auto show = [&](const BakeProgress& p) { progress.show(progressText(p)); };
+    if (options.model == "auto") {
+        if (options.resume) return Error{ErrorCode::kBadInput, "--resume with --model auto: name the model that the first call has chosen"};
+        const auto trials = tryModels(*dataset, options, show, &stop);
+        progress.clear();
+        if (!trials) return trials.error();
+        for (const ModelTrial& t : *trials) std::printf("trial of %s: %.2f dB (masked, cameras that it did not see)\n", t.model.c_str(), t.psnrMasked);
+        options = restOf(options);
+        options.model = trials->front().model;
+        std::printf("going on with --model %s%s\n", options.model.c_str(), options.minutes > 0 ? format(" --minutes %g", options.minutes).c_str() : "");
+    }
+    auto result = bake(*dataset, options, show, &stop);
     progress.clear();
     if (!result) return withResumeHint(result.error(), options.checkpointPath);
     for (const std::string& line : result->warnings) warn(line);
@@ -175,7 +186,8 @@ Action addBake(CLI::App& app)
     CLI::App* sub = app.add_subcommand("bake", "Turn an OLAT dataset into a relightable asset");
     sub->add_option("DATASET", args->dataset, "OLAT dataset: its folder or a transforms file")->required();
     sub->add_option("-o,--output", args->output, "Asset to write (.glb)")->required();
-    sub->add_option("--model", o.model, "Appearance model")->check(CLI::IsMember(models))->capture_default_str();
+    models.push_back("auto");
+    sub->add_option("--model", o.model, "Appearance model; auto: the one that does better in a short bake of each (16 % of the time)")->check(CLI::IsMember(models))->capture_default_str();
     sub->add_option("--quality", o.quality, "Sets iterations, splats and channel sizes that are not given")
         ->check(CLI::IsMember({"draft", "standard", "high"}))->capture_default_str();
     auto* minutes = sub->add_option("--minutes", o.minutes, "Wall time of the whole bake, minutes (default: from --quality)")->check(positiveNumber());
@@ -188,8 +200,9 @@ Action addBake(CLI::App& app)
     sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term s, while it earns its bytes (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
     sub->add_option("--without", o.without, "For comparisons: train without these (s: other view dependence, lobe: highlights, visibility: hard shadows, sharing: gloss and "
-                                            "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam)")
-        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s"}))->delimiter(',');
+                                            "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam; "
+                                            "sss: residual, share, visibility)")
+        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share"}))->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(numberBetween(0, 1));
     sub->add_flag("--refine-lights", o.refineLights,
                   "Correct gain and direction of each training light on the way, for captures that are off by a few per cent or degrees");

@@ -1,6 +1,7 @@
 // nacre eval: how far an asset's renders are from the photographs of a split. Figures as in the evaluation section of the README.
 #include "cli.h"
 
+#include "eval/components.h"
 #include "eval/contact_sheet.h"
 #include "eval/evaluate.h"
 #include "interchange/exr.h"
@@ -35,7 +36,8 @@ static void printRow(const char* name, const ImageMetrics& m, const std::string&
     std::printf("%6s  %6.2f  %6.2f  %7.4f  %7.4f  %8.5f  %s\n", name, m.psnr, m.psnrMasked, m.ssim, m.flip, m.relMseLinear, note.c_str());
 }
 
-static Status writeFigures(const EvalArguments& args, const AssetFile& file, const EvalResult& result, const std::string& drawnBy)
+static Status writeFigures(const EvalArguments& args, const AssetFile& file, const EvalResult& result, std::optional<double> scattered,
+                           const std::string& drawnBy)
 {
     const auto timed = [&](double ms) { return args.frames > 0 ? Json(ms) : Json(nullptr); };
     return writeJson({{"split", args.split},
@@ -54,6 +56,7 @@ static Status writeFigures(const EvalArguments& args, const AssetFile& file, con
                       {"relight_ms", timed(result.times.relightMs)},
                       {"sort_ms", timed(result.times.sortMs)},
                       {"raster_ms", timed(result.times.rasterMs)},
+                      {"scattered_share", scattered ? Json(*scattered) : Json(nullptr)},
                       {"drawn_by", drawnBy}},
                      args.json);
 }
@@ -105,6 +108,9 @@ static Status runEval(const EvalArguments& args)
     progress.clear();
     if (!result) return result.error();
 
+    const auto scattered = scatteredShare(**split, **renderer);
+    if (!scattered) return scattered.error();
+
     const size_t splats = file->asset.cloud.count, bytes = file->bytes.size();
     const double perSplat = double(bytes) / double(splats);
     std::printf("%6s  %6s  %6s  %7s  %7s  %8s  %s\n", "image", "psnr", "masked", "ssim", "flip", "rel_mse", "reference");
@@ -112,12 +118,13 @@ static Status runEval(const EvalArguments& args)
         printRow(format("%04zu", i).c_str(), result->images[i], (*split)->images[i].path);
     printRow("mean", result->mean, "split '" + args.split + "', renderer " + args.renderer.name);
     std::printf("%zu splats, %zu bytes (%.1f per splat), drawn by %s\n", splats, bytes, perSplat, (*renderer)->description().c_str());
+    if (*scattered) std::printf("%.1f %% of the light has travelled beneath the surface (residual), the rest was reflected\n", 100 * **scattered);
     const RenderTimes& t = result->times;
     if (args.frames > 0)
         std::printf("%.2f ms per frame: relight %.2f, sort %.2f, raster %.2f (median of %d)\n", t.frameMs, t.relightMs, t.sortMs,
                     t.rasterMs, args.frames);
     if (!args.json.empty())
-        if (Status s = writeFigures(args, *file, *result, (*renderer)->description()); !s) return s;
+        if (Status s = writeFigures(args, *file, *result, *scattered, (*renderer)->description()); !s) return s;
     return rows.empty() ? ok() : writeJoinedSheet(args.images, rows, result->images.size());
 }
 

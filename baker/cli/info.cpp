@@ -119,7 +119,7 @@ static Status listModels()
         for (const ChannelSpec& channel : model.channels) {
             std::string sizes;
             for (uint32_t n : channel.components) sizes += format("%s%u", sizes.empty() ? "" : ", ", n);
-            std::printf("       %s: %s %s per splat\n", channel.name, sizes.c_str(), channel.type == ChannelType::kFloat ? "floats" : "bytes");
+            std::printf("       %s: %s %s %s\n", channel.name, sizes.c_str(), channel.type == ChannelType::kFloat ? "floats" : "bytes", channel.perAsset ? "once" : "per splat");
         }
     }
     return ok();

@@ -16,7 +16,7 @@ namespace nacre::cli {
 struct RenderArguments {
     std::string asset, output, size, camera, orbit, spin = "light";
     RendererOption renderer;
-    std::vector<std::string> lights;
+    std::vector<std::string> lights, edits;
     double fovYDegrees = 40;
     int frames = 1;
 };
@@ -122,6 +122,14 @@ static Status runRender(const RenderArguments& args)
     const auto renderer = args.renderer.make(*file);
     if (!renderer) return renderer.error();
 
+    std::vector<SplatEdit> edits;
+    for (const std::string& text : args.edits) {
+        const auto edit = parseEdit(text);
+        if (!edit) return edit.error();
+        edits.push_back(*edit);
+    }
+    if (Status s = (*renderer)->setEdits(edits); !s) return s;
+
     Progress progress;
     const auto start = std::chrono::steady_clock::now();
     for (int frame = 0; frame < args.frames; ++frame) {
@@ -163,6 +171,12 @@ Action addRender(CLI::App& app)
                     "  point:X,Y,Z:I          radiant intensity: irradiance I / distance^2\n"
                     "  directional:X,Y,Z:E    direction to the light, irradiance\n"
                     "  environment:FILE.exr   equirectangular radiance, as 128 directional lights")
+        ->allow_extra_args(false)->take_all();
+    sub->add_option("--edit", args->edits,
+                    "May be repeated; changes materials of an asset of the model sss:\n"
+                    "  TARGET=VALUE or TARGET=xFACTOR, TARGET one of basecolor, roughness, metalness, subsurface, opacity (0 to 1)\n"
+                    "  and residual, also called tint (factor of the light from beneath the surface); VALUE a number or r,g,b\n"
+                    "  then perhaps @sphere:X,Y,Z,R or @box:X,Y,Z,X,Y,Z, in the axes of the dataset: only there")
         ->allow_extra_args(false)->take_all();
     sub->add_option("--frames", args->frames, "More than 1: OUT_0000.png, OUT_0001.png, ... of one turn about the up axis")
         ->check(wholeNumber(1, 100000))->capture_default_str();

@@ -62,6 +62,60 @@ Result<Light> parseLight(const std::string& text)
     return light;
 }
 
+static constexpr struct {
+    const char* name;
+    EditTarget target;
+    float most;
+} kEditTargets[] = {
+    {"basecolor", EditTarget::kBaseColor, 1},   {"roughness", EditTarget::kRoughness, 1}, {"metalness", EditTarget::kMetalness, 1},
+    {"subsurface", EditTarget::kSubsurface, 1}, {"residual", EditTarget::kResidual, 1e4}, {"tint", EditTarget::kResidual, 1e4},
+    {"opacity", EditTarget::kOpacity, 1},
+};
+
+static bool parseRegion(const std::string& text, SplatEdit& edit)
+{
+    std::vector<double> n;
+    const size_t colon = text.find(':');
+    if (colon == std::string::npos || !parseNumbers(text.substr(colon + 1), n)) return false;
+    const std::string kind = text.substr(0, colon);
+    for (size_t k = 0; k < 3 && n.size() >= 3; ++k) edit.low[k] = float(n[k]);
+    if (kind == "sphere" && n.size() == 4 && n[3] >= 0) {
+        edit.region = EditRegion::kSphere;
+        edit.high[0] = float(n[3]);
+        return true;
+    }
+    if (kind != "box" || n.size() != 6) return false;
+    edit.region = EditRegion::kBox;
+    for (size_t k = 0; k < 3; ++k) edit.high[k] = float(n[3 + k]);
+    return true;
+}
+
+Result<SplatEdit> parseEdit(const std::string& text)
+{
+    const Error bad = badSpec("--edit", text,
+                              "TARGET=VALUE or TARGET=xFACTOR with basecolor, roughness, metalness, subsurface, residual (tint) or opacity; values "
+                              "a number or r,g,b; then perhaps @sphere:X,Y,Z,R or @box:X,Y,Z,X,Y,Z");
+    const size_t equals = text.find('='), at = text.find('@');
+    if (equals == std::string::npos) return bad;
+    const std::string name = text.substr(0, equals);
+    std::string value = text.substr(equals + 1, at == std::string::npos ? std::string::npos : at - equals - 1);
+    const auto target = std::find_if(std::begin(kEditTargets), std::end(kEditTargets), [&](const auto& t) { return name == t.name; });
+    SplatEdit edit;
+    if (!value.empty() && value[0] == 'x') edit.multiply = true, value.erase(0, 1);
+    std::vector<double> numbers;
+    if (target == std::end(kEditTargets) || !parseNumbers(value, numbers) || (at != std::string::npos && !parseRegion(text.substr(at + 1), edit))) return bad;
+    edit.target = target->target;
+    const bool color = edit.target == EditTarget::kBaseColor || edit.target == EditTarget::kResidual;
+    const double most = edit.multiply ? 1e4 : target->most;
+    if (numbers.size() != 1 && !(color && numbers.size() == 3)) return bad;
+    numbers.resize(3, numbers[0]);
+    for (size_t k = 0; k < 3; ++k) {
+        if (!(numbers[k] >= 0 && numbers[k] <= most)) return badSpec("--edit", text, most > 1 ? "numbers from 0 to 10000" : "numbers from 0 to 1");
+        edit.value[k] = float(numbers[k]);
+    }
+    return edit;
+}
+
 Result<PixelSize> parseSize(const std::string& text)
 {
     PixelSize size;

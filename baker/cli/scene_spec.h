@@ -2,6 +2,7 @@
 // those of the dataset it was baked from.
 #pragma once
 
+#include "appearance/sss/sss_edit.h"
 #include "base/camera.h"
 #include "base/light.h"
 #include "base/result.h"
@@ -13,6 +14,10 @@ namespace nacre::cli {
 
 /// point:X,Y,Z:I  directional:X,Y,Z:E  environment:FILE.exr, with I and E a number or r,g,b. The direction points to the light.
 Result<Light> parseLight(const std::string& text);
+
+/// TARGET=VALUE or TARGET=xFACTOR, then perhaps @sphere:X,Y,Z,R or @box:X,Y,Z,X,Y,Z. Targets: basecolor, roughness, metalness, subsurface,
+/// residual (or tint), opacity; values a number or r,g,b.
+Result<SplatEdit> parseEdit(const std::string& text);
 
 /// "640x480", each 1 to 8192.
 struct PixelSize { int width = 0, height = 0; };

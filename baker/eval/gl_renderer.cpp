@@ -116,6 +116,23 @@ public:
         return RenderTimes{median(relight), median(sort), median(raster), median(frame)};
     }
 
+    Status setEdits(std::span<const SplatEdit> edits) override
+    {
+        std::vector<NacreEdit> converted;
+        for (const SplatEdit& edit : edits) {
+            NacreEdit n{};
+            n.target = NacreEditTarget(edit.target);
+            n.operation = edit.multiply ? NACRE_EDIT_MULTIPLY : NACRE_EDIT_SET;
+            n.region = NacreEditRegion(edit.region);
+            std::memcpy(n.value, edit.value, sizeof n.value);
+            std::memcpy(n.low, edit.low, sizeof n.low);
+            std::memcpy(n.high, edit.high, sizeof n.high);
+            converted.push_back(n);
+        }
+        gl_->makeCurrent();
+        return check(nacreAssetSetEdits(asset_, converted.data(), converted.size()));
+    }
+
     std::string description() const override { return gl_->description(); }
 
 private:

@@ -1,6 +1,6 @@
-// Draws an asset with the scalar reference math only: projection.h, bigs.h, reference_raster.h in float32, tiles in parallel.
-#include "appearance/bigs/bigs.h"
+// Draws an asset with the scalar reference math only: projection.h, the model's header, reference_raster.h in float32, tiles in parallel.
 #include "appearance/model_table.h"
+#include "eval/reference_model.h"
 #include "eval/splat_renderer.h"
 #include "render/reference_raster.h"
 #include "render/tiles.h"
@@ -12,6 +12,24 @@
 #include <chrono>
 
 namespace nacre {
+
+std::unique_ptr<ReferenceModel> makeReferenceBigs(const SplatAsset& asset);
+std::unique_ptr<ReferenceModel> makeReferenceSss(const SplatAsset& asset);
+
+static constexpr struct {
+    const char* name;
+    std::unique_ptr<ReferenceModel> (*make)(const SplatAsset&);
+} kModels[] = {
+    {"bigs", makeReferenceBigs},
+    {"sss", makeReferenceSss},
+};
+
+std::unique_ptr<ReferenceModel> makeReferenceModel(const SplatAsset& asset)
+{
+    for (const auto& m : kModels)
+        if (asset.model == m.name) return m.make(asset);
+    return nullptr;
+}
 
 namespace {
 
@@ -26,9 +44,7 @@ public:
                             {c.scales[i].x, c.scales[i].y, c.scales[i].z},
                             {c.rotations[i].w, c.rotations[i].x, c.rotations[i].y, c.rotations[i].z},
                             c.opacities[i]};
-        tDir_ = asset_.find("tDir"), tInd_ = asset_.find("tInd"), rho_ = asset_.find("rho"), s_ = asset_.find("s");
-        lobe_ = asset_.find("lobe"), visibility_ = asset_.find("visibility"), shadow_ = asset_.find("shadow");
-        sFunctions_ = s_ ? bigsScatterFunctions(s_->components) : 0;
+        model_ = makeReferenceModel(asset_);
     }
 
     Result<Image> render(const Camera& camera, std::span<const Light> lights) override
@@ -37,12 +53,14 @@ public:
             if (!l.isPunctual())
                 return Error{ErrorCode::kUnsupported, "the reference renderer takes point and directional lights; expand others first (rendererLights)"};
         const View<float> view = makeView<float>(camera, asset_.lowPassVariance);
+        for (size_t i = 0; i < geometry_.size(); ++i) geometry_[i].opacity = model_->opacity(i);
         builder_.build(view, geometry_);
-        colors_.assign(builder_.visible.count() * 3, 0.0f);
+        const size_t channels = size_t(model_->channels(lights.size()));
+        channels_.assign(builder_.visible.count() * channels, 0.0f);
         tbb::parallel_for(tbb::blocked_range<size_t>(0, builder_.visible.count(), 64), [&](const tbb::blocked_range<size_t>& range) {
-            for (size_t v = range.begin(); v < range.end(); ++v) shade(builder_.visible.splatFromVisible[v], view, lights, &colors_[3 * v]);
+            for (size_t v = range.begin(); v < range.end(); ++v) model_->shade(builder_.visible.splatFromVisible[v], view.eye, lights, &channels_[channels * v]);
         });
-        return blend(camera);
+        return blend(camera, view.eye, lights);
     }
 
     Result<RenderTimes> time(const Camera& camera, std::span<const Light> lights, int warmup, int frames) override
@@ -59,43 +77,28 @@ public:
         return times;
     }
 
+    Status setEdits(std::span<const SplatEdit> edits) override { return model_->setEdits(edits); }
+
     std::string description() const override { return "scalar reference on the CPU"; }
 
 private:
-    void shade(size_t splat, const View<float>& view, std::span<const Light> lights, float* color) const
-    {
-        const BigsCoefficients<float> g{&tDir_->values[25 * splat], &tInd_->values[75 * splat], &rho_->values[3 * splat],
-                                        s_ ? &s_->values[size_t(s_->components) * splat] : nullptr, sFunctions_,
-                                        lobe_ ? &lobe_->values[kBigsLobeFloats * splat] : nullptr,
-                                        visibility_ ? VisibilityMap{&visibility_->bytes[visibility_->components * splat], bigsVisibilitySize(visibility_->components)} : VisibilityMap{},
-                                        shadow_ ? shadow_->values[splat] : 1.0f};
-        const float* p = geometry_[splat].position;
-        float y[kMaxShFunctions], a[3 * kMaxShFunctions];
-        const LightSample<float> toEye = samplePointLight(view.eye, 0.0f, p);
-        shBasis(25, toEye.dir[0], toEye.dir[1], toEye.dir[2], y);
-        bigsContractView(g, y, a);
-        for (const Light& light : lights) {
-            LightSample<float> l{{light.directionToLight.x, light.directionToLight.y, light.directionToLight.z}, 1.0f};
-            if (light.type == LightType::kPoint) l = samplePointLight(&light.position.x, light.radius, p);
-            shBasis(25, l.dir[0], l.dir[1], l.dir[2], y);
-            const BigsTerms<float> t = bigsTerms(g, a, y);
-            const BigsSharpTerms<float> sharp = bigsSharpTerms(g, toEye.dir, l.dir);
-            for (int c = 0; c < 3; ++c) color[c] += light.intensity[c] * l.falloff * bigsTransport(t, sharp, c);
-        }
-    }
-
-    Image blend(const Camera& camera) const
+    Image blend(const Camera& camera, const float* eye, std::span<const Light> lights) const
     {
         Image image{camera.width, camera.height, std::vector<float>(size_t(4) * camera.width * camera.height)};
         const TileLists& tiles = builder_.tiles;
+        const int channels = model_->channels(lights.size());
         tbb::parallel_for(size_t(0), tiles.tileStart.size() - 1, [&](size_t tile) {
             std::vector<uint32_t> order;
+            std::vector<float> blended(static_cast<size_t>(channels));
             for (uint32_t e = tiles.tileStart[tile]; e < tiles.tileStart[tile + 1]; ++e) order.push_back(tiles.entries[e].visible);
             const int x0 = int(tile % tiles.tilesX) * kTileSize, y0 = int(tile / tiles.tilesX) * kTileSize;
             for (int y = y0; y < std::min(y0 + kTileSize, camera.height); ++y)
                 for (int x = x0; x < std::min(x0 + kTileSize, camera.width); ++x) {
                     float* pixel = image.pixel(x, y);
-                    pixel[3] = blendPixel<float>(order, builder_.visible.projected.data(), colors_.data(), 3, float(x) + 0.5f, float(y) + 0.5f, pixel);
+                    pixel[3] = blendPixel<float>(order, builder_.visible.projected.data(), channels_.data(), channels, float(x) + 0.5f, float(y) + 0.5f,
+                                                 blended.data());
+                    const glm::vec3 ray(pixelRay(camera, x + 0.5, y + 0.5));
+                    if (pixel[3] > 0) model_->resolve(blended.data(), pixel[3], eye, &ray.x, lights, pixel);
                 }
         });
         return image;
@@ -103,10 +106,9 @@ private:
 
     const SplatAsset asset_;
     std::vector<GaussianGeometry<float>> geometry_;
-    const Channel *tDir_, *tInd_, *rho_, *s_, *lobe_, *visibility_, *shadow_;
-    int sFunctions_ = 0;
+    std::unique_ptr<ReferenceModel> model_;
     TileBuilder builder_;
-    std::vector<float> colors_;
+    std::vector<float> channels_;
 };
 
 } // namespace
@@ -114,7 +116,7 @@ private:
 Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& asset)
 {
     if (Status s = validate(asset); !s) return s.error();
-    if (asset.model != "bigs") return Error{ErrorCode::kUnsupported, "the reference renderer knows the model 'bigs', not '" + asset.model + "'"};
+    if (!makeReferenceModel(asset)) return Error{ErrorCode::kUnsupported, "the reference renderer does not know the model '" + asset.model + "'"};
     return std::unique_ptr<SplatRenderer>(new ReferenceRenderer(asset));
 }
 

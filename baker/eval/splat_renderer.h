@@ -2,6 +2,7 @@
 // Cameras and lights are in the asset's own axes (those of the dataset it was baked from).
 #pragma once
 
+#include "appearance/sss/sss_edit.h"
 #include "base/camera.h"
 #include "base/image.h"
 #include "base/light.h"
@@ -23,6 +24,8 @@ public:
     virtual Result<Image> render(const Camera& camera, std::span<const Light> lights) = 0;
     /// Draws the same frame again and times it: median of `frames` after `warmup`, with everything re-evaluated.
     virtual Result<RenderTimes> time(const Camera& camera, std::span<const Light> lights, int warmup, int frames) = 0;
+    /// Replaces the changes to the asset's materials. Error kUnsupported if its model has none.
+    virtual Status setEdits(std::span<const SplatEdit> edits) = 0;
     /// e.g. "llvmpipe (LLVM 15.0.6, 256 bits), GL 4.5"
     virtual std::string description() const = 0;
 };

@@ -7,6 +7,8 @@
 
 #include "appearance/bigs/bigs.h"
 #include "appearance/model_table.h"
+#include "appearance/sss/sss.h"
+#include "appearance/sss/sss_asset.h"
 #include "base/fibonacci_sphere.h"
 
 #include <tbb/blocked_range.h>
@@ -15,6 +17,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 namespace nacre {
@@ -79,12 +82,12 @@ Incident incidentAt(const Light& light, const glm::vec3& position)
     return {{sample.dir[0], sample.dir[1], sample.dir[2]}, light.intensity * sample.falloff};
 }
 
-std::vector<Light> pickLights(std::span<const Light> all)
+std::vector<Light> pickLights(std::span<const Light> all, size_t most)
 {
     std::vector<Light> usable, picked;
     for (const Light& light : all)
         if (light.isPunctual()) usable.push_back(light);
-    const size_t n = std::min<size_t>(usable.size(), kMaxLights);
+    const size_t n = std::min(usable.size(), most);
     for (size_t i = 0; i < n; ++i) picked.push_back(usable[i * usable.size() / n]);
     return picked;
 }
@@ -114,9 +117,10 @@ double exposureOf(const std::vector<Light>& lights, const SplatCloud& cloud)
     return std::numbers::pi / facing;
 }
 
-/// Radiance of one splat in all view directions under the sum of the lights.
-void sampleRadiance(const BigsCoefficients<float>& g, std::span<const Incident> incidents, const ViewSamples& views,
-                    std::array<glm::dvec3, kDirections>& radiance)
+using Radiance = std::array<glm::dvec3, kDirections>; // of one splat in all view directions, under the sum of the lights
+
+void sampleBigs(const BigsCoefficients<float>& g, std::span<const Incident> incidents, const ViewSamples& views,
+                Radiance& radiance)
 {
     std::array<std::array<float, kMaxShFunctions>, kMaxLights> yLight;
     for (size_t t = 0; t < incidents.size(); ++t) {
@@ -144,14 +148,74 @@ void sampleRadiance(const BigsCoefficients<float>& g, std::span<const Incident> 
     }
 }
 
+/// sss: the splat as a surface of its own. The network is asked once per light, as seen along the normal: its answer hardly depends on the
+/// view, and 64 directions would take a minute.
+void sampleSss(const SssChannels& channels, size_t splat, std::span<const Incident> incidents, const ViewSamples& views, Radiance& radiance)
+{
+    const SssMaterial m = channels.material(splat);
+    SssSurface<float> surface{{m.base[0], m.base[1], m.base[2]}, m.roughness, m.metalness, {m.normal[0], m.normal[1], m.normal[2]}};
+    radiance.fill(glm::dvec3(0.0));
+    float first[kSssHidden1];
+    if (channels.network()) channels.firstLayer(splat, first);
+    for (const Incident& light : incidents) {
+        const float* w = &light.direction.x;
+        float share = channels.visibility(splat).texels ? mapVisibility(channels.visibility(splat), w) : 1.0f;
+        glm::dvec3 scattered(0.0);
+        if (channels.network()) {
+            float in[kSssLightInputs];
+            sssLightInputs(m.normal, w, share, -1.0f, in);
+            const SssActivations<float> a = sssNetworkLight(channels.network(), first, in);
+            share *= a.share;
+            scattered = double(m.subsurface) * glm::dvec3(a.residual[0], a.residual[1], a.residual[2]);
+        }
+        for (size_t k = 0; k < kDirections; ++k) {
+            const SssReflection<float> o = sssReflect(surface, views.toCamera[k].data(), w);
+            const glm::dvec3 reflected(o.value[0], o.value[1], o.value[2]);
+            radiance[k] += glm::dvec3(light.irradiance) * ((1.0 - m.subsurface) * share * reflected + scattered);
+        }
+    }
+}
+
+/// Writes the radiance of splat i.
+using Sampler = std::function<void(size_t i, std::span<const Incident> incidents, const ViewSamples& views, Radiance& radiance)>;
+
+Sampler bigsSampler(const SplatAsset& asset)
+{
+    const Channel &tDir = *asset.find("tDir"), &tInd = *asset.find("tInd"), &rho = *asset.find("rho");
+    const Channel *s = asset.find("s"), *lobe = asset.find("lobe"), *visibility = asset.find("visibility"), *shadow = asset.find("shadow");
+    return [=, &tDir, &tInd, &rho](size_t i, std::span<const Incident> incidents, const ViewSamples& views, Radiance& radiance) {
+        const BigsCoefficients<float> g{&tDir.values[i * tDir.components], &tInd.values[i * tInd.components],
+                                        &rho.values[i * rho.components], s ? &s->values[i * s->components] : nullptr,
+                                        s ? bigsScatterFunctions(s->components) : 0, lobe ? &lobe->values[i * lobe->components] : nullptr,
+                                        visibility ? VisibilityMap{&visibility->bytes[i * visibility->components], visibilitySize(visibility->components)} : VisibilityMap{},
+                                        shadow ? shadow->values[i] : 1.0f};
+        sampleBigs(g, incidents, views, radiance);
+    };
+}
+
+Sampler sssSampler(const SplatAsset& asset)
+{
+    return [channels = SssChannels(asset)](size_t i, std::span<const Incident> incidents, const ViewSamples& views, Radiance& radiance) {
+        sampleSss(channels, i, incidents, views, radiance);
+    };
+}
+
+/// How a model is sampled, and under how many of the lights: as many as take seconds.
+struct ModelSampler {
+    const char* model;
+    Sampler (*make)(const SplatAsset&);
+    size_t lights;
+};
+constexpr ModelSampler kSamplers[] = {{"bigs", bigsSampler, kMaxLights}, {"sss", sssSampler, 16}};
+
 } // namespace
 
 Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Light> allLights)
 {
     if (Status s = validate(asset); !s) return s.error();
-    if (asset.model != "bigs")
-        return Error{ErrorCode::kUnsupported, "no neutral look for model '" + asset.model + "', only for bigs"};
-    std::vector<Light> lights = pickLights(allLights);
+    const ModelSampler* model = std::find_if(std::begin(kSamplers), std::end(kSamplers), [&](const ModelSampler& m) { return asset.model == m.model; });
+    if (model == std::end(kSamplers)) return Error{ErrorCode::kUnsupported, "no neutral look for model '" + asset.model + "'"};
+    std::vector<Light> lights = pickLights(allLights, model->lights);
     const double exposure = exposureOf(lights, asset.cloud);
     if (!(exposure > 0 && std::isfinite(exposure)))
         return Error{ErrorCode::kBadInput, "cannot fit a neutral look: none of the " + std::to_string(allLights.size()) +
@@ -159,25 +223,17 @@ Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Ligh
     for (Light& light : lights) light.intensity *= float(exposure);
 
     static const ViewSamples views = makeViewSamples();
-    const Channel &tDir = *asset.find("tDir"), &tInd = *asset.find("tInd"), &rho = *asset.find("rho");
-    const Channel *s = asset.find("s"), *lobe = asset.find("lobe"), *visibility = asset.find("visibility"),
-                  *shadow = asset.find("shadow");
-    const int sFunctions = s ? bigsScatterFunctions(s->components) : 0;
+    const Sampler sample = model->make(asset);
 
     NeutralLook look;
     look.shFunctions = kFunctions;
     look.sh.resize(asset.cloud.count * kFunctions);
     tbb::parallel_for(tbb::blocked_range<size_t>(0, asset.cloud.count, 64), [&](const tbb::blocked_range<size_t>& range) {
         std::array<Incident, kMaxLights> incidents;
-        std::array<glm::dvec3, kDirections> radiance;
+        Radiance radiance;
         for (size_t i = range.begin(); i < range.end(); ++i) {
             for (size_t t = 0; t < lights.size(); ++t) incidents[t] = incidentAt(lights[t], asset.cloud.positions[i]);
-            const BigsCoefficients<float> g{&tDir.values[i * tDir.components], &tInd.values[i * tInd.components],
-                                            &rho.values[i * rho.components], s ? &s->values[i * s->components] : nullptr,
-                                            sFunctions, lobe ? &lobe->values[i * lobe->components] : nullptr,
-                                            visibility ? VisibilityMap{&visibility->bytes[i * visibility->components], bigsVisibilitySize(visibility->components)} : VisibilityMap{},
-                                            shadow ? shadow->values[i] : 1.0f};
-            sampleRadiance(g, std::span(incidents).first(lights.size()), views, radiance);
+            sample(i, std::span(incidents).first(lights.size()), views, radiance);
             for (size_t f = 0; f < kFunctions; ++f) {
                 glm::dvec3 sum(0.0);
                 for (size_t k = 0; k < kDirections; ++k) sum += views.solve[f][k] * (radiance[k] - 0.5);

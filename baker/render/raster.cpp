@@ -25,8 +25,9 @@
 #define NACRE_RASTER_SHARED
 namespace nacre {
 
-constexpr int kGradientStride = 24;   // 16 channel sums, 8 moments (6 used)
-constexpr int kWeightChannel = 15;    // this channel's gradient is 1, so its sum is the total blending weight
+constexpr int kMomentFloats = 8;      // 6 used
+constexpr int gradientStride(int channels) { return channelStride(channels) + kMomentFloats; } // sums per channel, then the moments
+constexpr int weightChannel(int channels) { return channelStride(channels) - 1; } // its gradient is 1, so its sum is the total blending weight
 
 /// One splat as a tile sees it: position from the tile centre, exponent in base 2.
 struct TileSplat {
@@ -41,7 +42,7 @@ struct TileScratch {
     std::span<const uint32_t> list(int block) const { return {lists.data() + size_t(block) * splats.size(), listSize[block]}; }
     alignas(64) float out[(kMaxChannels + 1) * kTilePixels];
     alignas(64) float dOut[(kMaxChannels + 1) * kTilePixels];
-    alignas(64) float dOutByPixel[kTilePixels * kColorStride];
+    alignas(64) float dOutByPixel[kTilePixels * channelStride(kMaxChannels)];
     alignas(64) float total[kTilePixels];
     alignas(64) float inside[kTilePixels]; // 1 inside the image, 0 outside
 };
@@ -158,7 +159,7 @@ HWY_NOINLINE void forwardBlock(const TileScratch& s, const TileEntry* entries, c
             const Alpha a = splatAlpha(s.splats[i], px, py, transmittance);
             if (hn::AllFalse(d, a.on)) continue;
             const V w = hn::IfThenElseZero(a.on, hn::Mul(a.alpha, transmittance));
-            const float* color = colors + size_t(entries[i].visible) * kColorStride;
+            const float* color = colors + size_t(entries[i].visible) * channelStride(C);
             for (int c = 0; c < C; ++c) sum[c] = hn::MulAdd(w, hn::Set(d, color[c]), sum[c]);
             transmittance = hn::Sub(transmittance, w);
             if (hn::AllTrue(d, hn::Lt(transmittance, hn::Set(d, kMinTransmittance)))) break;
@@ -171,6 +172,7 @@ HWY_NOINLINE void forwardBlock(const TileScratch& s, const TileEntry* entries, c
 template <int C>
 HWY_NOINLINE void backwardBlock(TileScratch& s, const TileEntry* entries, const float* colors, int block, float* gradients)
 {
+    constexpr int kStride = channelStride(C);
     const D d;
     const D8 d8;
     alignas(64) float w[16], dLog[16];
@@ -181,7 +183,7 @@ HWY_NOINLINE void backwardBlock(TileScratch& s, const TileEntry* entries, const 
         for (uint32_t i : s.list(block)) {
             const Alpha a = splatAlpha(s.splats[i], px, py, transmittance);
             if (hn::AllFalse(d, a.on)) continue;
-            const float* color = colors + size_t(entries[i].visible) * kColorStride;
+            const float* color = colors + size_t(entries[i].visible) * channelStride(C);
             V value = dAlpha;
             for (int c = 0; c < C; ++c) value = hn::MulAdd(hn::Load(d, s.dOut + c * kTilePixels + p), hn::Set(d, color[c]), value);
             const V weight = hn::IfThenElseZero(a.on, hn::Mul(a.alpha, transmittance));
@@ -192,30 +194,30 @@ HWY_NOINLINE void backwardBlock(TileScratch& s, const TileEntry* entries, const 
             hn::Store(hn::IfThenElseZero(hn::AndNot(a.capped, a.on), grad), d, dLog);
             transmittance = hn::Sub(transmittance, weight);
 
-            float* row = gradients + size_t(i) * kGradientStride;
-            constexpr size_t kRow = (C > 8 ? 16 : 8) / kLanes8; // channels beyond 8 only when there are any; the weight sits apart
-            hn::Vec<D8> sums[16 / kLanes8], moments[8 / kLanes8], weights = hn::Zero(d8);
+            float* row = gradients + size_t(i) * gradientStride(C);
+            constexpr size_t kRow = (C > 8 ? kStride : 8) / kLanes8; // channels beyond 8 only when there are any; the weight sits apart
+            hn::Vec<D8> sums[kRow], moments[8 / kLanes8], weights = hn::Zero(d8);
             for (size_t k = 0; k < kRow; ++k) sums[k] = hn::LoadU(d8, row + k * kLanes8);
-            for (size_t k = 0; k < 8 / kLanes8; ++k) moments[k] = hn::LoadU(d8, row + 16 + k * kLanes8);
+            for (size_t k = 0; k < 8 / kLanes8; ++k) moments[k] = hn::LoadU(d8, row + kStride + k * kLanes8);
             for (size_t lane = 0; lane < kLanes; ++lane) {
                 const auto wl = hn::Set(d8, w[lane]), gl = hn::Set(d8, dLog[lane]);
                 for (size_t k = 0; k < kRow; ++k)
-                    sums[k] = hn::MulAdd(wl, hn::Load(d8, s.dOutByPixel + (p + lane) * kColorStride + k * kLanes8), sums[k]);
+                    sums[k] = hn::MulAdd(wl, hn::Load(d8, s.dOutByPixel + (p + lane) * kStride + k * kLanes8), sums[k]);
                 for (size_t k = 0; k < 8 / kLanes8; ++k)
                     moments[k] = hn::MulAdd(gl, hn::Load(d8, kPixels.moments + (p + lane) * 8 + k * kLanes8), moments[k]);
                 if (C <= 8) weights = hn::Add(weights, wl);
             }
             for (size_t k = 0; k < kRow; ++k) hn::StoreU(sums[k], d8, row + k * kLanes8);
-            for (size_t k = 0; k < 8 / kLanes8; ++k) hn::StoreU(moments[k], d8, row + 16 + k * kLanes8);
-            if (C <= 8) row[kWeightChannel] += hn::GetLane(weights);
+            for (size_t k = 0; k < 8 / kLanes8; ++k) hn::StoreU(moments[k], d8, row + kStride + k * kLanes8);
+            if (C <= 8) row[weightChannel(C)] += hn::GetLane(weights);
             if (hn::AllTrue(d, hn::Lt(transmittance, hn::Set(d, kMinTransmittance)))) break;
         }
     }
 }
 
 // Localises the tile's splats and sorts them into per-block lists.
-void prepareTile(const VisibleSplats& visible, const TileEntry* entries, size_t count, const float* colors, const TileFrame& frame,
-                 TileScratch& s)
+void prepareTile(const VisibleSplats& visible, const TileEntry* entries, size_t count, const float* colors, int stride,
+                 const TileFrame& frame, TileScratch& s)
 {
     constexpr float kLog2E = 1.44269504f;
     constexpr size_t kAhead = 8; // a tile's splats lie anywhere among the visible: fetch them and their colours before they are needed
@@ -226,7 +228,7 @@ void prepareTile(const VisibleSplats& visible, const TileEntry* entries, size_t 
     for (size_t i = 0; i < count; ++i) {
         if (i + kAhead < count) {
             const size_t next = entries[i + kAhead].visible;
-            hwy::Prefetch(&visible.projected[next]), hwy::Prefetch(colors + next * kColorStride);
+            hwy::Prefetch(&visible.projected[next]), hwy::Prefetch(colors + next * size_t(stride));
         }
         const ProjectedGaussian<float>& g = visible.projected[entries[i].visible];
         s.splats[i] = {g.mean[0] - centerX,        g.mean[1] - centerY,       0.5f * kLog2E * g.conic[0], kLog2E * g.conic[1],
@@ -247,25 +249,25 @@ void forwardTile(const VisibleSplats& visible, const TileEntry* entries, size_t 
                  TileScratch& s, float* planes)
 {
     if (count == 0) return frame.clear(C + 1, planes);
-    prepareTile(visible, entries, count, colors, frame, s);
+    prepareTile(visible, entries, count, colors, channelStride(C), frame, s);
     for (int block = 0; block < 16; ++block) forwardBlock<C>(s, entries, colors, block, s.out);
     frame.store(s.out, C + 1, planes);
 }
 
-// The channels of each pixel side by side, four at a time; then zeros, and the one that makes kWeightChannel count.
+// The channels of each pixel side by side, four at a time; then zeros, and the one that makes the weight's channel count.
 template <int C>
 void gatherByPixel(TileScratch& s)
 {
     const D d;
     alignas(64) float four[4 * kLanes];
-    for (int c = 0; c < kColorStride; c += 4) {
+    for (int c = 0; c < channelStride(C); c += 4) {
         const auto channel = [&](int k, size_t p) {
-            return k < C ? hn::Load(d, s.dOut + k * kTilePixels + p) : hn::Set(d, k == kWeightChannel ? 1.0f : 0.0f);
+            return k < C ? hn::Load(d, s.dOut + k * kTilePixels + p) : hn::Set(d, k == weightChannel(C) ? 1.0f : 0.0f);
         };
         for (size_t p = 0; p < kTilePixels; p += kLanes) {
             hn::StoreInterleaved4(channel(c, p), channel(c + 1, p), channel(c + 2, p), channel(c + 3, p), d, four);
             for (size_t lane = 0; lane < kLanes; ++lane)
-                std::memcpy(s.dOutByPixel + (p + lane) * kColorStride + c, four + 4 * lane, 4 * sizeof(float));
+                std::memcpy(s.dOutByPixel + (p + lane) * channelStride(C) + c, four + 4 * lane, 4 * sizeof(float));
         }
     }
 }
@@ -275,7 +277,7 @@ void backwardTile(const VisibleSplats& visible, const TileEntry* entries, size_t
                   TileScratch& s, const float* planes, const float* dPlanes, float* gradients)
 {
     if (count == 0) return;
-    prepareTile(visible, entries, count, colors, frame, s);
+    prepareTile(visible, entries, count, colors, channelStride(C), frame, s);
     frame.load(planes, C + 1, s.out);
     frame.load(dPlanes, C + 1, s.dOut);
     const D d;
@@ -286,7 +288,7 @@ void backwardTile(const VisibleSplats& visible, const TileEntry* entries, size_t
         hn::Store(total, d, s.total + p);
     }
     gatherByPixel<C>(s);
-    std::memset(gradients, 0, count * kGradientStride * sizeof(float));
+    std::memset(gradients, 0, count * gradientStride(C) * sizeof(float));
     for (int block = 0; block < 16; ++block) backwardBlock<C>(s, entries, colors, block, gradients);
 }
 
@@ -297,7 +299,11 @@ void forwardTileAny(int channels, const VisibleSplats& visible, const TileEntry*
     case 3: return forwardTile<3>(visible, entries, count, colors, frame, s, planes);
     case 6: return forwardTile<6>(visible, entries, count, colors, frame, s, planes);
     case 9: return forwardTile<9>(visible, entries, count, colors, frame, s, planes);
-    default: return forwardTile<12>(visible, entries, count, colors, frame, s, planes);
+    case 12: return forwardTile<12>(visible, entries, count, colors, frame, s, planes);
+    case 14: return forwardTile<14>(visible, entries, count, colors, frame, s, planes);
+    case 18: return forwardTile<18>(visible, entries, count, colors, frame, s, planes);
+    case 22: return forwardTile<22>(visible, entries, count, colors, frame, s, planes);
+    default: return forwardTile<26>(visible, entries, count, colors, frame, s, planes);
     }
 }
 
@@ -308,7 +314,11 @@ void backwardTileAny(int channels, const VisibleSplats& visible, const TileEntry
     case 3: return backwardTile<3>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
     case 6: return backwardTile<6>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
     case 9: return backwardTile<9>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
-    default: return backwardTile<12>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
+    case 12: return backwardTile<12>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
+    case 14: return backwardTile<14>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
+    case 18: return backwardTile<18>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
+    case 22: return backwardTile<22>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
+    default: return backwardTile<26>(visible, entries, count, colors, frame, s, planes, dPlanes, gradients);
     }
 }
 
@@ -327,6 +337,8 @@ namespace nacre {
 HWY_EXPORT(forwardTileAny);
 HWY_EXPORT(backwardTileAny);
 
+[[maybe_unused]] static bool isChannelCount(int n) { return n >= 14 ? n <= kMaxChannels && n % 4 == 2 : n > 0 && n % 3 == 0; }
+
 static tbb::enumerable_thread_specific<TileScratch>& tileScratch()
 {
     static tbb::enumerable_thread_specific<TileScratch> scratch; // freed at exit; grows to the fullest tile
@@ -341,7 +353,7 @@ static TileFrame tileFrame(const TileLists& tiles, size_t tile)
 
 void rasterForward(const VisibleSplats& visible, const TileLists& tiles, const float* colors, int channels, float* planes)
 {
-    assert(channels > 0 && channels <= kMaxChannels && channels % 3 == 0);
+    assert(isChannelCount(channels));
     const auto run = HWY_DYNAMIC_DISPATCH(forwardTileAny);
     tbb::parallel_for(size_t(0), tiles.tileStart.size() - 1, [&](size_t t) {
         run(channels, visible, tiles.entries.data() + tiles.tileStart[t], tiles.tileStart[t + 1] - tiles.tileStart[t], colors,
@@ -352,13 +364,14 @@ void rasterForward(const VisibleSplats& visible, const TileLists& tiles, const f
 void rasterBackward(const VisibleSplats& visible, const TileLists& tiles, const float* colors, int channels, const float* planes,
                     const float* dPlanes, RasterScratch& scratch, float* dColors, ScreenGradient<float>* dSplats)
 {
-    assert(channels > 0 && channels <= kMaxChannels && channels % 3 == 0);
-    scratch.pairGradients.resize(tiles.entries.size() * kGradientStride);
+    assert(isChannelCount(channels));
+    const size_t stride = size_t(channelStride(channels)), rowStride = size_t(gradientStride(channels));
+    scratch.pairGradients.resize(tiles.entries.size() * rowStride);
     const auto run = HWY_DYNAMIC_DISPATCH(backwardTileAny);
     tbb::parallel_for(size_t(0), tiles.tileStart.size() - 1, [&](size_t t) {
         run(channels, visible, tiles.entries.data() + tiles.tileStart[t], tiles.tileStart[t + 1] - tiles.tileStart[t], colors,
             tileFrame(tiles, t), tileScratch().local(), planes, dPlanes,
-            scratch.pairGradients.data() + size_t(tiles.tileStart[t]) * kGradientStride);
+            scratch.pairGradients.data() + size_t(tiles.tileStart[t]) * rowStride);
     });
 
     constexpr size_t kAhead = 8;
@@ -367,17 +380,17 @@ void rasterBackward(const VisibleSplats& visible, const TileLists& tiles, const 
     tbb::parallel_for(tbb::blocked_range<size_t>(0, visible.count(), 256), [&](const tbb::blocked_range<size_t>& range) {
         for (size_t v = range.begin(); v < range.end(); ++v) {
             const ProjectedGaussian<float>& s = visible.projected[v];
-            float* dColor = dColors + v * kColorStride;
-            std::memset(dColor, 0, kColorStride * sizeof(float));
+            float* dColor = dColors + v * stride;
+            std::memset(dColor, 0, stride * sizeof(float));
             float m[6] = {};
             for (uint32_t k = tiles.pairStart[v]; k < tiles.pairStart[v + 1]; ++k) {
-                if (k + kAhead < pairs) hwy::Prefetch(scratch.pairGradients.data() + size_t(tiles.entryFromPair[k + kAhead]) * kGradientStride);
+                if (k + kAhead < pairs) hwy::Prefetch(scratch.pairGradients.data() + size_t(tiles.entryFromPair[k + kAhead]) * rowStride);
                 const uint32_t entry = tiles.entryFromPair[k];
-                const float* row = scratch.pairGradients.data() + size_t(entry) * kGradientStride;
-                for (int c = 0; c < kColorStride; ++c) dColor[c] += row[c];
+                const float* row = scratch.pairGradients.data() + size_t(entry) * rowStride;
+                for (size_t c = 0; c < stride; ++c) dColor[c] += row[c];
                 const TileFrame frame = tileFrame(tiles, tiles.entries[entry].tile);
                 const float x = s.mean[0] - (float(frame.x0) + 0.5f * kTileSize), y = s.mean[1] - (float(frame.y0) + 0.5f * kTileSize);
-                const float* r = row + 16;
+                const float* r = row + stride;
                 m[0] += r[0];
                 m[1] += r[1] - x * r[0];
                 m[2] += r[2] - y * r[0];
@@ -390,8 +403,8 @@ void rasterBackward(const VisibleSplats& visible, const TileLists& tiles, const 
             d.mean[1] = s.conic[1] * m[1] + s.conic[2] * m[2];
             d.conic[0] = -0.5f * m[3], d.conic[1] = -m[4], d.conic[2] = -0.5f * m[5];
             d.opacity = m[0] / s.opacity;
-            d.weight = dColor[kWeightChannel];
-            dColor[kWeightChannel] = 0.0f;
+            d.weight = dColor[stride - 1];
+            dColor[stride - 1] = 0.0f;
         }
     });
 }

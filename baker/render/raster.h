@@ -10,17 +10,20 @@
 
 namespace nacre {
 
-constexpr int kMaxChannels = 12;  // four lights x rgb
-constexpr int kColorStride = 16;  // floats per visible splat in the colour arrays
+constexpr int kMaxChannels = 26;  // a G-buffer of ten and four lights of four
 
-/// `channels` is 3, 6, 9 or 12; colors is [visible][kColorStride]; writes channels + 1 planes.
+/// Floats per visible splat in the arrays of channels: room for one more than the channels, in whole vectors.
+constexpr int channelStride(int channels) { return channels < 16 ? 16 : 32; }
+
+/// `channels` is 3 or 4 per light of up to four, the latter with a G-buffer of ten: 3, 6, 9, 12, 14, 18, 22 or 26. colors is
+/// [visible][channelStride]; writes channels + 1 planes.
 void rasterForward(const VisibleSplats& visible, const TileLists& tiles, const float* colors, int channels, float* planes);
 
 struct RasterScratch {
-    std::vector<float> pairGradients; // [entry][24]
+    std::vector<float> pairGradients; // [entry][channelStride + 8]
 };
 
-/// `planes` as written by rasterForward, dPlanes the loss gradient of the same shape. Overwrites dColors [visible][kColorStride] and
+/// `planes` as written by rasterForward, dPlanes the loss gradient of the same shape. Overwrites dColors [visible][channelStride] and
 /// dSplats [visible].
 void rasterBackward(const VisibleSplats& visible, const TileLists& tiles, const float* colors, int channels, const float* planes,
                     const float* dPlanes, RasterScratch& scratch, float* dColors, ScreenGradient<float>* dSplats);

@@ -9,7 +9,7 @@
 
 namespace nacre {
 
-/// Octahedral maps [splat][size][size] (bigs.h: bigsVisibility) of the transmittance from the splat to infinity, 255 = all light arrives,
+/// Octahedral maps [splat][size][size] (bigs.h: mapVisibility) of the transmittance from the splat to infinity, 255 = all light arrives,
 /// each texel the mean over oversample^2 directions. What lies nearer than a few splat sizes does not count: a surface does not shade
 /// itself, T_dir holds that. Deterministic for any number of threads. Time: size^2 oversample^2 passes over all splats.
 std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> splats, int size, int oversample);

@@ -227,7 +227,7 @@ Status Bake::prepare()
     appearanceOptions.scatterFunctions = options_.sFunctions;
     appearanceOptions.without = options_.without;
     auto appearance = makeTrainableAppearance(options_.model, appearanceOptions);
-    if (!appearance) return Error{ErrorCode::kBadInput, "--model '" + options_.model + "': this build can bake: bigs"};
+    if (!appearance) return Error{ErrorCode::kBadInput, "--model '" + options_.model + "': this build cannot bake it"};
 
     images_ = std::make_unique<TrainingImages>(dataset_, *train_, options_.imageBudgetBytes);
     order_ = std::make_unique<StepOrder>(std::move(groups), options_.seed);

@@ -19,7 +19,7 @@ constexpr float kDeadOpacity = 0.01f;
 
 const char* stageName(Stage stage)
 {
-    constexpr const char* names[kStageCount] = {"project+sort", "bin", "shade", "blend", "loss", "blend back", "geometry back", "shade back+Adam"};
+    constexpr const char* names[kStageCount] = {"project+sort", "bin", "shade", "blend", "resolve", "loss", "blend back", "geometry back", "shade back+Adam"};
     return names[stage];
 }
 
@@ -39,6 +39,19 @@ private:
     std::array<double, kStageCount>& seconds_;
     std::chrono::steady_clock::time_point last_;
 };
+
+PixelRays pixelRays(const Camera& camera)
+{
+    PixelRays rays;
+    const auto axis = [&](int column, int k) { return camera.worldFromCamera[column][k]; }; // looks along -z, y is up
+    for (int k = 0; k < 3; ++k) {
+        rays.eye[k] = float(axis(3, k));
+        rays.right[k] = float(axis(0, k) / camera.fx), rays.down[k] = float(-axis(1, k) / camera.fy);
+        rays.origin[k] = float(-axis(2, k) - axis(0, k) * camera.cx / camera.fx + axis(1, k) * camera.cy / camera.fy);
+    }
+    rays.width = camera.width, rays.height = camera.height;
+    return rays;
+}
 
 LitView litView(const Camera& camera, std::span<const Light> lights)
 {
@@ -74,39 +87,42 @@ void Trainer::initialize(std::span<const SurfacePoint> points, float spacing, bo
     resetStatistics();
 }
 
-VisibleView Trainer::project(const Camera& camera)
+VisibleView Trainer::project(const Camera& camera, int channels)
 {
     view_ = makeView<float>(camera, options_.lowPassVariance);
     builder_.build(view_, geometry_.activated);
     const VisibleSplats& visible = builder_.visible;
     visibleFromSplat_.assign(geometry_.count(), ~0u);
     for (size_t v = 0; v < visible.count(); ++v) visibleFromSplat_[visible.splatFromVisible[v]] = uint32_t(v);
-    if (colors_.size() < visible.count() * kColorStride) {
-        colors_.resize(visible.count() * kColorStride), dColors_.resize(visible.count() * kColorStride);
-        dSplats_.resize(visible.count()), active_.resize(visible.count());
-    }
+    const size_t floats = visible.count() * size_t(channelStride(channels));
+    if (colors_.size() < floats) colors_.resize(floats), dColors_.resize(floats);
+    if (dSplats_.size() < visible.count()) dSplats_.resize(visible.count()), active_.resize(visible.count());
     return {geometry_.activated, visibleFromSplat_, visible.count()};
 }
 
 void Trainer::render(const Camera& camera, std::span<const Light> lights, std::vector<float>& planes)
 {
-    const VisibleView view = project(camera);
+    const int channels = appearance_->channels(int(lights.size()));
+    const VisibleView view = project(camera, channels);
     const LitView lit = litView(camera, lights);
     appearance_->forward(view, lit, colors_.data());
-    planes.resize(size_t(camera.width) * camera.height * (3 * lights.size() + 1));
-    rasterForward(builder_.visible, builder_.tiles, colors_.data(), 3 * int(lights.size()), planes.data());
+    const size_t pixels = size_t(camera.width) * camera.height;
+    planes_.resize(pixels * size_t(channels + 1));
+    rasterForward(builder_.visible, builder_.tiles, colors_.data(), channels, planes_.data());
+    const float* image = appearance_->resolve(pixelRays(camera), lit, planes_.data());
+    planes.assign(image, image + pixels * (3 * lights.size() + 1));
 }
 
 LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references,
                         const Moment& moment)
 {
     StageClock clock(stageSeconds);
-    const int channels = 3 * int(lights.size());
+    const int channels = appearance_->channels(int(lights.size()));
     Random random(options_.seed, uint64_t(moment.step) << 8 | 1);
     const float uniform[3] = {random.uniform(), random.uniform(), random.uniform()};
     appearance_->beginStep(moment.progress, moment.rate, moment.step, uniform, geometry_.activated);
 
-    const VisibleView view = project(camera);
+    const VisibleView view = project(camera, channels);
     const VisibleSplats& visible = builder_.visible;
     lastVisible = visible.count(), lastEntries = builder_.tiles.entries.size();
     clock.end(kStageBin);
@@ -117,14 +133,21 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     clock.end(kStageShade);
 
     const size_t pixels = size_t(camera.width) * camera.height;
-    planes_.resize(pixels * (channels + 1)), dPlanes_.resize(planes_.size());
+    planes_.resize(pixels * size_t(channels + 1)), dImage_.resize(pixels * (3 * lights.size() + 1));
     rasterForward(visible, builder_.tiles, colors_.data(), channels, planes_.data());
     clock.end(kStageBlend);
 
-    const LossStats stats = loss_.evaluate(planes_.data(), references, int(lights.size()), options_.loss, dPlanes_.data());
+    const PixelRays rays = pixelRays(camera);
+    const float* image = appearance_->resolve(rays, lit, planes_.data());
+    clock.end(kStageResolve);
+
+    const LossStats stats = loss_.evaluate(image, references, int(lights.size()), options_.loss, dImage_.data());
     clock.end(kStageLoss);
 
-    rasterBackward(visible, builder_.tiles, colors_.data(), channels, planes_.data(), dPlanes_.data(), rasterScratch_, dColors_.data(),
+    const float* dPlanes = appearance_->resolveBackward(rays, lit, planes_.data(), dImage_.data());
+    clock.end(kStageResolve);
+
+    rasterBackward(visible, builder_.tiles, colors_.data(), channels, planes_.data(), dPlanes, rasterScratch_, dColors_.data(),
                    dSplats_.data());
     clock.end(kStageBlendBack);
 

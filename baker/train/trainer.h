@@ -20,7 +20,7 @@ struct TrainerOptions {
     uint64_t seed = 1;
 };
 
-enum Stage { kStageProject, kStageBin, kStageShade, kStageBlend, kStageLoss, kStageBlendBack, kStageGeometryBack, kStageShadeBack, kStageCount };
+enum Stage { kStageProject, kStageBin, kStageShade, kStageBlend, kStageResolve, kStageLoss, kStageBlendBack, kStageGeometryBack, kStageShadeBack, kStageCount };
 const char* stageName(Stage stage);
 
 class Trainer {
@@ -59,7 +59,7 @@ public:
     size_t lastBlocks() const;                               // its (splat, 4x4 block) pairs, counted here
 
 private:
-    VisibleView project(const Camera& camera);
+    VisibleView project(const Camera& camera, int channels);
     void splitSplat(size_t parent, size_t child);
 
     TrainerOptions options_;
@@ -75,7 +75,7 @@ private:
     ImageLoss loss_;
     std::vector<uint32_t> visibleFromSplat_;
     std::vector<uint8_t> active_;
-    std::vector<float> colors_, dColors_, planes_, dPlanes_;
+    std::vector<float> colors_, dColors_, planes_, dImage_;
     std::vector<ScreenGradient<float>> dSplats_;
 };
 

@@ -2,6 +2,7 @@
 #include "appearance/model_table.h"
 
 #include "appearance/bigs/bigs.h"
+#include "appearance/sss/sss_asset.h"
 
 #include <algorithm>
 #include <cmath>
@@ -22,6 +23,13 @@ std::vector<AppearanceModel> makeTable()
           {"lobe", {0, kBigsLobeFloats}},
           {"visibility", {0, 256, 1024}, ChannelType::kUnorm8},
           {"shadow", {0, 1}}}},
+        {"sss",
+         "subsurface splats: deferred PBR with editable materials, and a small network for light beneath the surface, linear in light",
+         {{"baseColor", {3}},
+          {"material", {2, 3}}, // without subsurfaceness, with it
+          {"normal", {3}},
+          {"visibility", {0, 256, 1024}, ChannelType::kUnorm8},
+          {"network", {0, kSssNetworkFloats}, ChannelType::kFloat, true}}},
     };
 }
 
@@ -84,11 +92,14 @@ Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
             return bad("channel '" + channel.name + "' has " + std::to_string(channel.components) +
                        " components per splat, accepted: " + sizesText(*spec) +
                        (sizes[0] == 0 ? " (0: leave the channel out)" : ""));
+        if (channel.perAsset != spec->perAsset)
+            return bad("channel '" + channel.name + "' is stored " + (spec->perAsset ? "per splat, expected once per asset" : "once per asset, expected per splat"));
         const bool floats = spec->type == ChannelType::kFloat;
         const size_t stored = floats ? channel.values.size() : channel.bytes.size(), other = floats ? channel.bytes.size() : channel.values.size();
-        if (stored != asset.cloud.count * channel.components || other != 0)
+        const size_t rows = channel.rows(asset.cloud.count);
+        if (stored != rows * channel.components || other != 0)
             return bad("channel '" + channel.name + "' has " + std::to_string(channel.values.size()) + " floats and " +
-                       std::to_string(channel.bytes.size()) + " bytes, expected " + std::to_string(asset.cloud.count) + " splats x " +
+                       std::to_string(channel.bytes.size()) + " bytes, expected " + std::to_string(rows) + (channel.perAsset ? " row x " : " splats x ") +
                        std::to_string(channel.components) + (floats ? " floats" : " bytes"));
         if (!allFinite(channel.values.data(), channel.values.size()))
             return bad("channel '" + channel.name + "' has a value that is not finite");

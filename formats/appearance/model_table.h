@@ -16,6 +16,7 @@ struct ChannelSpec {
     const char* name;
     std::vector<uint32_t> components;
     ChannelType type = ChannelType::kFloat;
+    bool perAsset = false;    // one row for all splats
 };
 
 struct AppearanceModel {

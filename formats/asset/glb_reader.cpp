@@ -335,6 +335,11 @@ Channel readChannel(const json& document, std::span<const std::byte> bin, const 
     const std::string where = "channels[" + std::to_string(previous.size()) + "]";
     Channel channel;
     channel.name = needName(entry, "name", where);
+    if (const json* perAsset = find(entry, "perAsset")) {
+        if (!perAsset->is_boolean()) bad(where + ".perAsset is neither true nor false");
+        channel.perAsset = perAsset->get<bool>();
+    }
+    const size_t rows = channel.rows(count);
     const std::string at = where + " (" + inQuotes(channel.name) + ")";
     const size_t type = needSize(entry, "componentType", at);
     if (type != kFloat && type != kUnorm8) unsupported(at + " is neither float32 nor uint8, which the lossless profile demands");
@@ -347,15 +352,15 @@ Channel readChannel(const json& document, std::span<const std::byte> bin, const 
     const size_t components = needSize(entry, "components", at);
     const View view = bufferView(document, bin, needSize(entry, "bufferView", at));
     const size_t available = view.bytes.size() / width; // dividing keeps the products below from overflowing
-    if (components == 0 || components > available / count || view.bytes.size() != width * count * components)
-        bad(at + " has " + std::to_string(view.bytes.size()) + " bytes, expected " + std::to_string(count) + " splats x " +
+    if (components == 0 || components > available / rows || view.bytes.size() != width * rows * components)
+        bad(at + " has " + std::to_string(view.bytes.size()) + " bytes, expected " + std::to_string(rows) + (channel.perAsset ? " row x " : " splats x ") +
             std::to_string(components) + (type == kFloat ? " floats" : " bytes"));
     if (view.bytes.size() > bin.size() - total)
         bad(at + " and the channels before it need " + std::to_string(total + view.bytes.size()) + " bytes, the binary chunk has " +
             std::to_string(bin.size()) + " (channels must not share bytes)");
     channel.components = uint32_t(components);
-    if (type == kFloat) channel.values.resize(count * components);
-    else channel.bytes.resize(count * components);
+    if (type == kFloat) channel.values.resize(rows * components);
+    else channel.bytes.resize(rows * components);
     std::memcpy(type == kFloat ? static_cast<void*>(channel.values.data()) : channel.bytes.data(), view.bytes.data(), view.bytes.size());
     return channel;
 }

@@ -139,10 +139,12 @@ private:
             const size_t bytes = channel.sizeInBytes();
             const int view = addView(channel.name, bytes, 0);
             std::memcpy(floatsOf(view), floats ? static_cast<const void*>(channel.values.data()) : channel.bytes.data(), bytes);
-            channels.emplace_back(Value::Object{{"name", Value(channel.name)},
-                                                {"components", Value(int(channel.components))},
-                                                {"componentType", Value(floats ? kFloat : kUnorm8)},
-                                                {"bufferView", Value(view)}});
+            Value::Object entry{{"name", Value(channel.name)},
+                                {"components", Value(int(channel.components))},
+                                {"componentType", Value(floats ? kFloat : kUnorm8)},
+                                {"bufferView", Value(view)}};
+            if (channel.perAsset) entry["perAsset"] = Value(true);
+            channels.emplace_back(std::move(entry));
         }
         const Value relight(Value::Object{
             {"version", Value(kRelightVersion)},

@@ -13,4 +13,11 @@ struct Camera {
     glm::dvec3 position() const { return glm::dvec3(worldFromCamera[3]); }
 };
 
+/// Unit direction, in the world, in which the camera sees the position (x, y) of its image, pixels from the top-left corner.
+inline glm::dvec3 pixelRay(const Camera& camera, double x, double y)
+{
+    const glm::dvec3 d((x - camera.cx) / camera.fx, (camera.cy - y) / camera.fy, -1.0);
+    return glm::normalize(glm::dmat3(camera.worldFromCamera) * d);
+}
+
 } // namespace nacre

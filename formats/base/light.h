@@ -51,4 +51,11 @@ NACRE_HD inline LightSample<T> samplePointLight(const T position[3], T radius, c
     return {{d[0] * inv, d[1] * inv, d[2] * inv}, falloff};
 }
 
+/// A point or directional light seen from `p`.
+inline LightSample<float> sampleLight(const Light& light, const float p[3])
+{
+    if (light.type == LightType::kPoint) return samplePointLight(&light.position.x, light.radius, p);
+    return {{light.directionToLight.x, light.directionToLight.y, light.directionToLight.z}, 1.0f};
+}
+
 } // namespace nacre

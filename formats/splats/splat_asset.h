@@ -19,13 +19,16 @@ struct SplatCloud {                   // all arrays have `count` rows
     std::vector<float> opacities;     // [0, 1], already through the sigmoid
 };
 
-/// One per-splat quantity of the appearance model, row-major: [splat * components + k], in `values`, or in `bytes` (b stands for b / 255)
-/// if the model says so.
+/// One quantity of the appearance model per splat, or (perAsset) one row for all of them. Row-major: [splat * components + k], in
+/// `values`, or in `bytes` (b stands for b / 255) if the model says so.
 struct Channel {
     std::string name;                 // e.g. "tDir"; unique within the asset
-    uint32_t components = 0;          // numbers per splat
-    std::vector<float> values{};      // count * components, or empty
-    std::vector<uint8_t> bytes{};     // count * components, or empty
+    uint32_t components = 0;          // numbers per splat, or of the one row
+    std::vector<float> values{};      // rows * components, or empty
+    std::vector<uint8_t> bytes{};     // rows * components, or empty
+    bool perAsset = false;            // e.g. the weights of a network
+
+    size_t rows(size_t splats) const { return perAsset ? 1 : splats; }
 
     size_t sizeInBytes() const { return values.size() * sizeof(float) + bytes.size(); }
 };
@@ -37,7 +40,7 @@ struct NeutralLook {
 };
 
 struct SplatAsset {
-    std::string model;                // "bigs"
+    std::string model;                // "bigs" or "sss"
     SplatCloud cloud;
     std::vector<Channel> channels;    // as listed by the model's channel table
     float lowPassVariance = 0.1f;     // px^2 added to both diagonal entries of the projected covariance, opacity-compensated (mip-splatting)

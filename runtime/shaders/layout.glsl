@@ -1,8 +1,7 @@
 // Where splat data lives. Splat g is texel (g % WIDTH, g / WIDTH) of a grid of ROWS rows; slot k of a texture is that grid moved
 // down by k * ROWS. The coefficients of s and the visibility maps each lie in one long row, all of a splat together, wrapped every
 // 2^ROW_SHIFT texels and again after as many rows.
-// The asset defines WIDTH (a power of two), ROWS, ROW_SHIFT, S_FUNCTIONS, HAS_LOBE and HAS_VISIBILITY (0 or 1); formats/splats/blend.h
-// gives MIN_ALPHA and MAX_ALPHA.
+// The asset defines WIDTH (a power of two), ROWS and ROW_SHIFT; formats/splats/blend.h gives MIN_ALPHA and MAX_ALPHA.
 ivec2 slotTexel(ivec2 splat, int slot) { return ivec2(splat.x, splat.y + slot * ROWS); }
 int splatIndex(ivec2 splat) { return splat.x + WIDTH * splat.y; }
 
@@ -11,6 +10,3 @@ ivec3 longRowTexel(int texel)
     int row = texel >> ROW_SHIFT, mask = (1 << ROW_SHIFT) - 1;
     return ivec3(texel & mask, row & mask, row >> ROW_SHIFT);
 }
-
-// a_i of a splat: its grid row becomes S_FUNCTIONS rows, so that fragments that read the same coefficients are neighbours.
-ivec2 contractedTexel(ivec2 splat, int i) { return ivec2(splat.x, splat.y * S_FUNCTIONS + i); }

@@ -1,8 +1,9 @@
 // The C API: checks arguments, turns exceptions and failures into results and messages. The only extern "C" file.
 #include "asset.h"
 
+#include "appearance/sss/sss_edit.h"
 #include "asset/asset_io.h"
-#include "gl_state.h"
+#include "host_depth.h"
 
 #include <cmath>
 #include <cstring>
@@ -38,12 +39,20 @@ Failure checkSize(const char* type, size_t found, size_t expected)
                    "; set it to sizeof(" + type + ")");
 }
 
+/// A C host can store any int in an enum, and C++ must not read such a value as one.
+template <class Enum>
+int rawEnum(const Enum& value)
+{
+    int raw = 0;
+    static_assert(sizeof raw == sizeof value);
+    std::memcpy(&raw, &value, sizeof raw);
+    return raw;
+}
+
 Failure checkLight(const NacreLight& light, size_t index)
 {
     const std::string which = "light " + std::to_string(index) + ": ";
-    int type = 0; // a C host can store any int in the enum, and C++ must not read such a value as one
-    static_assert(sizeof type == sizeof light.type);
-    std::memcpy(&type, &light.type, sizeof type);
+    const int type = rawEnum(light.type);
     if (type != NACRE_LIGHT_POINT && type != NACRE_LIGHT_DIRECTIONAL)
         return invalid(which + "unknown type " + std::to_string(type));
     constexpr float kFarthest = 1e15f; // so that squared distances stay finite in float
@@ -61,6 +70,35 @@ Failure checkLight(const NacreLight& light, size_t index)
         return invalid(which + "radius must be finite and not negative");
     return {};
 }
+
+Failure checkEdit(const NacreEdit& edit, size_t index)
+{
+    const std::string which = "edit " + std::to_string(index) + ": ";
+    const int target = rawEnum(edit.target), operation = rawEnum(edit.operation), region = rawEnum(edit.region);
+    if (target < NACRE_EDIT_BASE_COLOR || target > NACRE_EDIT_OPACITY) return invalid(which + "unknown target " + std::to_string(target));
+    if (operation != NACRE_EDIT_SET && operation != NACRE_EDIT_MULTIPLY) return invalid(which + "unknown operation " + std::to_string(operation));
+    if (region < NACRE_REGION_EVERYWHERE || region > NACRE_REGION_SPHERE) return invalid(which + "unknown region " + std::to_string(region));
+    const int values = target == NACRE_EDIT_BASE_COLOR || target == NACRE_EDIT_RESIDUAL ? 3 : 1;
+    for (int k = 0; k < values; ++k)
+        if (!(edit.value[k] >= 0 && edit.value[k] <= 1e4f)) return invalid(which + "values must be from 0 to 10000, found " + std::to_string(edit.value[k]));
+    for (int k = 0; k < 3 && region != NACRE_REGION_EVERYWHERE; ++k)
+        if (!std::isfinite(edit.low[k]) || (region == NACRE_REGION_BOX && !std::isfinite(edit.high[k]))) return invalid(which + "the region is not finite");
+    if (region == NACRE_REGION_SPHERE && !(edit.high[0] >= 0 && std::isfinite(edit.high[0]))) return invalid(which + "the radius must be finite and not negative");
+    return {};
+}
+
+nacre::SplatEdit toSplatEdit(const NacreEdit& edit)
+{
+    nacre::SplatEdit out;
+    out.target = nacre::EditTarget(edit.target);
+    out.multiply = edit.operation == NACRE_EDIT_MULTIPLY;
+    out.region = nacre::EditRegion(edit.region);
+    std::memcpy(out.value, edit.value, sizeof out.value);
+    std::memcpy(out.low, edit.low, sizeof out.low);
+    std::memcpy(out.high, edit.high, sizeof out.high);
+    return out;
+}
+static_assert(int(nacre::EditTarget::kOpacity) == NACRE_EDIT_OPACITY && int(nacre::EditRegion::kSphere) == NACRE_REGION_SPHERE);
 
 NacreResult decodeResult(nacre::ErrorCode code)
 {
@@ -99,6 +137,7 @@ NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreContext* conte
 void nacreContextDestroy(NacreContext context)
 {
     if (!context) return;
+    nacre::freeDepthCopy(*context);
     context->gl.DeleteVertexArrays(1, &context->vertexArray);
     context->gl.DeleteBuffers(1, &context->indexBuffer);
     delete context;
@@ -164,6 +203,22 @@ NacreResult nacreAssetSetLights(NacreAsset asset, const NacreLight* lights, size
             if (Failure f = checkLight(lights[i], i)) return f;
         asset->hostLights.assign(lights, lights + count);
         return {};
+    });
+}
+
+NacreResult nacreAssetSetEdits(NacreAsset asset, const NacreEdit* edits, size_t count)
+{
+    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*asset->context, [&]() -> Failure {
+        if (count > 0 && !edits) return invalid("nacreAssetSetEdits: edits must not be null");
+        if (count > NACRE_MAX_EDITS)
+            return invalid(std::to_string(count) + " edits, the most is " + std::to_string(NACRE_MAX_EDITS) + "; join those of the same target");
+        std::vector<nacre::SplatEdit> checked;
+        for (size_t i = 0; i < count; ++i) {
+            if (Failure f = checkEdit(edits[i], i)) return f;
+            checked.push_back(toSplatEdit(edits[i]));
+        }
+        return asset->model->setEdits(checked);
     });
 }
 

@@ -7,6 +7,13 @@
 
 namespace nacre {
 
+/// See host_depth.h.
+struct DepthCopy {
+    GLuint texture = 0;
+    GLenum format = 0;
+    int width = 0, height = 0;
+};
+
 /// Empty text: success.
 struct Failure {
     NacreResult code = NACRE_OK;
@@ -25,6 +32,7 @@ struct NacreContextImpl {
     GLuint vertexArray = 0;     // holds the index buffer; no attributes
     GLuint indexBuffer = 0;     // two triangles per splat: 4n + {0, 1, 2, 2, 1, 3}
     size_t indexedSplats = 0;   // capacity of indexBuffer
+    nacre::DepthCopy depthCopy;
 
     void report(NacreSeverity severity, const std::string& text) const
     {

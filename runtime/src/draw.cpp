@@ -1,8 +1,6 @@
 // One draw: relight, sort, raster, inside the host's frame.
-#include "asset.h"
-
 #include "gl_state.h"
-#include "splats/blend.h"
+#include "textures.h"
 
 #include <chrono>
 #include <cstdio>
@@ -28,8 +26,8 @@ private:
     std::chrono::steady_clock::time_point last_{};
 };
 
-/// A half-float target turns values above 65504 into infinity, so colours stop there; a float target takes everything.
-static float largestColor(const Gl& gl)
+// A half-float target turns values above 65504 into infinity, so colours stop there; a float target takes everything.
+float largestColor(const Gl& gl)
 {
     GLint framebuffer = 0, attachment = GL_BACK_LEFT, type = GL_NONE, bits = 32;
     gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer);
@@ -66,24 +64,9 @@ static void uploadOrder(const NacreAssetImpl& asset)
         gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, rows, rest, 1, GL_RED_INTEGER, GL_UNSIGNED_INT, data + size_t(rows) * size_t(asset.width));
 }
 
-static void rasterize(const NacreAssetImpl& asset, const DrawFrame& frame)
+void drawQuads(const NacreAssetImpl& asset)
 {
-    const Gl& gl = asset.context->gl;
-    const Program& p = asset.splatProgram;
-    gl.UseProgram(p.name);
-    bindTexture(gl, 0, GL_TEXTURE_2D, asset.geometry);
-    bindTexture(gl, 1, GL_TEXTURE_2D, asset.color);
-    bindTexture(gl, 2, GL_TEXTURE_2D, asset.order);
-    gl.UniformMatrix3fv(p.viewFromAsset, 1, GL_FALSE, &frame.viewFromAsset[0][0]);
-    gl.Uniform3f(p.viewTranslation, frame.viewTranslation.x, frame.viewTranslation.y, frame.viewTranslation.z);
-    gl.UniformMatrix4fv(p.clipFromView, 1, GL_FALSE, &frame.clipFromView[0][0]);
-    gl.Uniform2f(p.viewport, frame.viewport.x, frame.viewport.y);
-    const float limit = 1.0f + kJacobianMargin;
-    gl.Uniform1f(p.jacobianLimit, limit);
-    gl.Uniform1f(p.nearW, frame.nearW);
-    gl.Uniform1f(p.lowPass, asset.lowPassVariance);
-    gl.Uniform1f(p.maxColor, largestColor(gl));
-    gl.DrawElements(GL_TRIANGLES, GLsizei(6 * asset.farToNear.size()), GL_UNSIGNED_INT, nullptr);
+    asset.context->gl.DrawElements(GL_TRIANGLES, GLsizei(6 * asset.farToNear.size()), GL_UNSIGNED_INT, nullptr);
 }
 
 Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
@@ -107,8 +90,8 @@ Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
     asset.stats.splatsDrawn = uint32_t(asset.farToNear.size());
     asset.stats.sortSeconds = watch.lap();
 
-    state.beginDraw(desc.depthTest != 0);
-    if (!asset.farToNear.empty()) rasterize(asset, frame);
+    if (!asset.farToNear.empty())
+        if (Failure f = asset.model->raster(frame, desc.depthTest != 0, state)) return f;
     asset.stats.rasterSeconds = watch.lap();
     return {};
 }

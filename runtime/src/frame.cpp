@@ -73,4 +73,17 @@ Failure makeFrame(const NacreDrawDesc& desc, DrawFrame* frame)
     return {};
 }
 
+// Inverts ndc.xy * w = P.xx (x, y, z) at z = -1, where w = -P[2][3].
+WindowRays windowRays(const DrawFrame& frame, const float viewport[4])
+{
+    const glm::dmat4 p(frame.clipFromView);
+    const glm::dmat2 inverse = glm::inverse(glm::dmat2(glm::dvec2(p[0]), glm::dvec2(p[1])));
+    const glm::dmat3 assetFromView = glm::transpose(glm::dmat3(frame.viewFromAsset)); // times a scale, which does not matter
+    const double w = -p[2][3];
+    const glm::dvec2 step(2.0 * w / viewport[2], 2.0 * w / viewport[3]);
+    const glm::dvec2 start = glm::dvec2(-w, -w) - step * glm::dvec2(viewport[0], viewport[1]) + glm::dvec2(p[2]);
+    const auto ray = [&](glm::dvec2 ndcTimesW, double z) { return glm::vec3(assetFromView * glm::dvec3(inverse * ndcTimesW, z)); };
+    return {ray(start, -1.0), ray({step.x, 0.0}, 0.0), ray({0.0, step.y}, 0.0)};
+}
+
 } // namespace nacre

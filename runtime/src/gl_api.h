@@ -13,7 +13,8 @@ namespace nacre {
 #define NACRE_GL_FUNCTIONS(X)                                                                                                    \
     X(ACTIVETEXTURE, ActiveTexture) X(ATTACHSHADER, AttachShader) X(BINDBUFFER, BindBuffer)                                      \
     X(BINDFRAMEBUFFER, BindFramebuffer) X(BINDSAMPLER, BindSampler) X(BINDTEXTURE, BindTexture)                                  \
-    X(BINDVERTEXARRAY, BindVertexArray) X(BLENDEQUATIONSEPARATE, BlendEquationSeparate)                                          \
+    X(BINDVERTEXARRAY, BindVertexArray) X(BLITFRAMEBUFFER, BlitFramebuffer) X(CLEARBUFFERFV, ClearBufferfv)                      \
+    X(BLENDEQUATIONSEPARATE, BlendEquationSeparate)                                          \
     X(BLENDFUNCSEPARATE, BlendFuncSeparate) X(BUFFERDATA, BufferData)                                                            \
     X(CHECKFRAMEBUFFERSTATUS, CheckFramebufferStatus) X(COLORMASKI, ColorMaski) X(COMPILESHADER, CompileShader)                  \
     X(CREATEPROGRAM, CreateProgram) X(CREATESHADER, CreateShader)                                                                \
@@ -21,7 +22,8 @@ namespace nacre {
     X(DELETESHADER, DeleteShader) X(DELETETEXTURES, DeleteTextures) X(DELETEVERTEXARRAYS, DeleteVertexArrays)                    \
     X(DEPTHMASK, DepthMask) X(DISABLE, Disable) X(DISABLEI, Disablei) X(DRAWARRAYS, DrawArrays) X(DRAWBUFFERS, DrawBuffers)      \
     X(DRAWELEMENTS, DrawElements) X(ENABLE, Enable) X(ENABLEI, Enablei) X(FINISH, Finish)                                        \
-    X(FRAMEBUFFERTEXTURE2D, FramebufferTexture2D) X(GENBUFFERS, GenBuffers) X(GENFRAMEBUFFERS, GenFramebuffers)                  \
+    X(FRAMEBUFFERRENDERBUFFER, FramebufferRenderbuffer) X(FRAMEBUFFERTEXTURE, FramebufferTexture)                                \
+    X(FRAMEBUFFERTEXTURELAYER, FramebufferTextureLayer) X(FRAMEBUFFERTEXTURE2D, FramebufferTexture2D) X(GENBUFFERS, GenBuffers) X(GENFRAMEBUFFERS, GenFramebuffers)                  \
     X(GENTEXTURES, GenTextures) X(GENVERTEXARRAYS, GenVertexArrays) X(GETBOOLEANI_V, GetBooleani_v) X(GETERROR, GetError)        \
     X(GETFLOATV, GetFloatv) X(GETFRAMEBUFFERATTACHMENTPARAMETERIV, GetFramebufferAttachmentParameteriv)                          \
     X(GETINTEGERV, GetIntegerv) X(GETPROGRAMINFOLOG, GetProgramInfoLog) X(GETPROGRAMIV, GetProgramiv)                            \

@@ -94,11 +94,24 @@ void GlStateGuard::beginDraw(bool depthTest)
     gl_.BindFramebuffer(GL_DRAW_FRAMEBUFFER, GLuint(drawFramebuffer_));
     setViewport(gl_, viewport_);
     if (scissor_) gl_.Enablei(GL_SCISSOR_TEST, 0);
-    set(gl_, GL_DEPTH_TEST, depthTest);
-    gl_.DepthMask(GL_FALSE);
     const GLboolean* mask = drawBuffers_[0].mask;
     gl_.ColorMaski(0, mask[0], mask[1], mask[2], mask[3]);
     for (int i = 1; i < drawBufferCount_; ++i) gl_.ColorMaski(i, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE); // splats have one output
+    beginBlending(depthTest);
+}
+
+void GlStateGuard::beginOffscreen(bool depthTest)
+{
+    setViewport(gl_, viewport_);
+    gl_.Disablei(GL_SCISSOR_TEST, 0);
+    for (int i = 0; i < drawBufferCount_; ++i) gl_.ColorMaski(i, GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+    beginBlending(depthTest);
+}
+
+void GlStateGuard::beginBlending(bool depthTest)
+{
+    set(gl_, GL_DEPTH_TEST, depthTest);
+    gl_.DepthMask(GL_FALSE);
     gl_.Enable(GL_BLEND);
     gl_.BlendEquationSeparate(GL_FUNC_ADD, GL_FUNC_ADD);
     gl_.BlendFuncSeparate(GL_ONE, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);

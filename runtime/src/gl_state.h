@@ -27,6 +27,11 @@ public:
     void beginPasses();
     /// Back to the host's framebuffer, colour mask, viewport and scissor, with premultiplied blending and no depth writes.
     void beginDraw(bool depthTest);
+    /// Same blending, viewport and depth test in a framebuffer of ours, all draw buffers, without the host's scissor. Binds none.
+    void beginOffscreen(bool depthTest);
+
+    GLuint hostFramebuffer() const { return GLuint(drawFramebuffer_); }
+    const float* viewport() const { return viewport_; } // x, y, width, height
 
 private:
     static constexpr int kMaxDrawBuffers = 8;
@@ -36,6 +41,7 @@ private:
     struct DrawBuffer { GLboolean blend, mask[4]; Blend factors; };
 
     Blend readBlend(int drawBuffer) const;
+    void beginBlending(bool depthTest);
 
     const Gl& gl_;
     int drawBufferCount_;

@@ -1,8 +1,6 @@
-// Compiles the shaders of one asset. Sizes and channels are #defines, so an asset without s, lobe or visibility compiles without the
-// code for it and every loop over coefficients has a constant bound.
-#include "asset.h"
+#include "program.h"
 
-#include "appearance/bigs/bigs.h"
+#include "appearance/visibility_map.h"
 #include "shader_sources.h"
 #include "splats/blend.h"
 
@@ -10,30 +8,25 @@
 
 namespace nacre {
 
-static std::string defines(const NacreAssetImpl& asset)
+std::string define(const char* name, int value)
 {
-    std::string text = "#version 330 core\n";
     char line[64];
-    const auto whole = [&](const char* name, int value) {
-        std::snprintf(line, sizeof line, "#define %s %d\n", name, value);
-        text += line;
-    };
-    const auto real = [&](const char* name, float value) {
-        std::snprintf(line, sizeof line, "#define %s %#.9g\n", name, double(value)); // #: 4 must not become an int
-        text += line;
-    };
-    whole("WIDTH", asset.width);
-    whole("ROWS", asset.rows);
-    whole("ROW_SHIFT", asset.rowShift);
-    whole("S_FUNCTIONS", asset.sFunctions);
-    whole("HAS_LOBE", asset.hasLobe);
-    whole("HAS_VISIBILITY", asset.visibilitySize > 0);
-    whole("VISIBILITY_SIZE", asset.visibilitySize);
-    real("VISIBILITY_SLOPE", kBigsVisibilitySlope);
-    real("LOBE_FACING", kBigsLobeFacing);
-    real("MIN_ALPHA", kMinAlpha);
-    real("MAX_ALPHA", kMaxAlpha);
-    return text;
+    std::snprintf(line, sizeof line, "#define %s %d\n", name, value);
+    return line;
+}
+
+std::string define(const char* name, float value)
+{
+    char line[64];
+    std::snprintf(line, sizeof line, "#define %s %#.9g\n", name, double(value)); // #: 4 must not become an int
+    return line;
+}
+
+std::string commonDefines(const NacreAssetImpl& asset)
+{
+    return "#version 330 core\n" + define("WIDTH", asset.width) + define("ROWS", asset.rows) + define("ROW_SHIFT", asset.rowShift) +
+           define("VISIBILITY_SIZE", asset.visibilitySize) + define("VISIBILITY_SLOPE", kVisibilitySlope) + define("MIN_ALPHA", kMinAlpha) +
+           define("MAX_ALPHA", kMaxAlpha) + shaders::kLayoutGlsl;
 }
 
 static std::string firstLine(const std::string& log) { return log.substr(0, log.find('\n')); }
@@ -54,7 +47,8 @@ static GLuint compileStage(const Gl& gl, GLenum stage, const std::string& source
     return 0;
 }
 
-static Failure compile(const Gl& gl, const char* what, const std::string& vertexSource, const std::string& fragmentSource, Program* p)
+Failure compile(const Gl& gl, const char* what, const std::string& vertexSource, const std::string& fragmentSource,
+                std::initializer_list<const char*> samplers, Program* p)
 {
     std::string log;
     const GLuint vertex = compileStage(gl, GL_VERTEX_SHADER, vertexSource, &log);
@@ -88,34 +82,29 @@ static Failure compile(const Gl& gl, const char* what, const std::string& vertex
     p->nearW = at("uNear");
     p->lowPass = at("uLowPass");
     p->maxColor = at("uMaxColor");
+    p->firstLight = at("uFirstLight");
+    p->depthOrigin = at("uDepthOrigin");
+    p->eye = at("uEye");
+    p->rayOrigin = at("uRayOrigin");
+    p->rayRight = at("uRayRight");
+    p->rayUp = at("uRayUp");
+    p->inverseSize = at("uInverseSize");
+    gl.UseProgram(p->name);
+    int unit = 0;
+    for (const char* sampler : samplers) gl.Uniform1i(at(sampler), unit++);
     return {};
 }
 
-/// Sampler `names[i]` reads texture unit i.
-static void setSamplers(const Gl& gl, const Program& p, std::initializer_list<const char*> names)
-{
-    gl.UseProgram(p.name);
-    int unit = 0;
-    for (const char* name : names) gl.Uniform1i(gl.GetUniformLocation(p.name, name), unit++);
-}
-
-Failure compilePrograms(NacreAssetImpl& asset)
+void setSplatUniforms(const NacreAssetImpl& asset, const Program& p, const DrawFrame& frame)
 {
     const Gl& gl = asset.context->gl;
-    const std::string common = defines(asset) + shaders::kLayoutGlsl;
-    const std::string fullscreen = common + shaders::kFullscreenVertGlsl;
-    const std::string pass = common + shaders::kPassGlsl + shaders::kBigsGlsl;
-    if (Failure f = compile(gl, "light", fullscreen, pass + shaders::kLightPassFragGlsl, &asset.lightPass)) return f;
-    if (asset.sFunctions > 0)
-        if (Failure f = compile(gl, "view", fullscreen, pass + shaders::kViewPassFragGlsl, &asset.viewPass)) return f;
-    if (Failure f = compile(gl, "combine", fullscreen, pass + shaders::kCombinePassFragGlsl, &asset.combinePass)) return f;
-    if (Failure f = compile(gl, "splat", common + shaders::kSplatVertGlsl, common + shaders::kSplatFragGlsl, &asset.splatProgram))
-        return f;
-    setSamplers(gl, asset.lightPass, {"uGeometry", "uTransport", "uLights", "uVisibility"});
-    if (asset.sFunctions > 0) setSamplers(gl, asset.viewPass, {"uGeometry", "uScatter"});
-    setSamplers(gl, asset.combinePass, {"uGeometry", "uDirect", "uIndirect", "uContracted", "uLights", "uVisible"});
-    setSamplers(gl, asset.splatProgram, {"uGeometry", "uColor", "uOrder"});
-    return {};
+    gl.UniformMatrix3fv(p.viewFromAsset, 1, GL_FALSE, &frame.viewFromAsset[0][0]);
+    gl.Uniform3f(p.viewTranslation, frame.viewTranslation.x, frame.viewTranslation.y, frame.viewTranslation.z);
+    gl.UniformMatrix4fv(p.clipFromView, 1, GL_FALSE, &frame.clipFromView[0][0]);
+    gl.Uniform2f(p.viewport, frame.viewport.x, frame.viewport.y);
+    gl.Uniform1f(p.jacobianLimit, 1.0f + kJacobianMargin);
+    gl.Uniform1f(p.nearW, frame.nearW);
+    gl.Uniform1f(p.lowPass, asset.lowPassVariance);
 }
 
 } // namespace nacre

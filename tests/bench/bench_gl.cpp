@@ -53,11 +53,11 @@ static SplatAsset sphere(size_t splats, int functions, bool sharp)
     channel("rho", 3, 1.0f);
     channel("s", 3 * bigsPairCount(functions), 0.05f);
     if (!sharp) return a;
-    Channel lobe{"lobe", kBigsLobeFloats, {}, {}}, visibility{"visibility", kBigsVisibilityTexels, {}, {}};
+    Channel lobe{"lobe", kBigsLobeFloats, {}, {}}, visibility{"visibility", kVisibilityTexels, {}, {}};
     for (const glm::vec3& p : a.cloud.positions) {
         const glm::vec3 n = glm::normalize(p);
         lobe.values.insert(lobe.values.end(), {n.x, n.y, n.z, 200, 0.5f, 0.5f, 0.5f});
-        for (int i = 0; i < kBigsVisibilityTexels; ++i) visibility.bytes.push_back(uint8_t(256 * random.uniform()));
+        for (int i = 0; i < kVisibilityTexels; ++i) visibility.bytes.push_back(uint8_t(256 * random.uniform()));
     }
     a.channels.push_back(std::move(lobe));
     a.channels.push_back(std::move(visibility));
@@ -93,7 +93,7 @@ static double relightFloorBytes(size_t splats, int functions, bool sharp, int li
     int light = 16 + 8 * kBigsTransportFunctions + 2 * 16 * groups;            // mean, transport; direct and indirect out
     const int view = 16 + 8 * bigsPairCount(functions) + 16 * functions;       // mean, s; contracted out
     int combine = 16 + 16 + 2 * 16 * groups + 16 * functions + 16;             // rho, mean, direct, indirect, contracted; colour out
-    if (sharp) light += 16 + std::min(4 * lights, kBigsVisibilityTexels) + 8 * groups; // shadow, map; v out
+    if (sharp) light += 16 + std::min(4 * lights, kVisibilityTexels) + 8 * groups; // shadow, map; v out
     if (sharp) combine += 2 * 16 + 8 * groups;                                         // normal and sharpness, k, v
     return double(splats) * (light + view + combine);
 }

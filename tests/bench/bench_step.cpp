@@ -110,7 +110,7 @@ int main(int argc, char** argv)
     }
     TrainerOptions options;
     options.maxSplats = splats;
-    Trainer trainer(options, makeTrainableAppearance("bigs", {functions}));
+    Trainer trainer(options, makeTrainableAppearance(argc > 5 ? argv[5] : "bigs", {functions}));
     trainer.initialize(points, float(std::sqrt(4 * 3.14159 * 0.75 * 0.75 / double(splats))), true, 0.9f);
     trainer.densify(0); // Morton order
 
@@ -153,6 +153,7 @@ int main(int argc, char** argv)
         visible * 36 + entries * (12 + 8),                         // read the projected, write lists and their inverse
         visible * (4 * coefficients + 64 + 4 * 7 * directions),        // read the coefficients, write 12 colours and the terms
         visible * 100 + entries * 12 + pixels * 13 * 4,            // read splats and lists, write 13 planes
+        0,                                                         // bigs shades splats, not pixels
         pixels * (13 * 4 * 2 + 4 * 8),                             // read planes and references, write gradients
         visible * 100 + entries * (12 + 96 * 2) + pixels * 26 * 4, // read planes and gradients, write and read a row per (splat, tile)
         active * (11 * 4 * 6 + 36),                                // read and write raw, momentum, second moment
@@ -164,6 +165,7 @@ int main(int argc, char** argv)
         visible * 60,
         visible * (3.0 * functions * functions + directions * (100 + 3.0 * functions + 60)), // contraction, terms, SH of the directions
         blockPixels * (20 + 12),                                   // alpha with its exponential, 12 channels
+        0,
         pixels * 12 * 35,                                          // two transfer functions and the slope
         blockPixels * (20 + 12 + 8 + 24),                          // alpha, 12 channels, gradient, row sums of 16 + 8
         active * (300 + 11 * 8),                                   // through the projection, Adam
@@ -178,7 +180,7 @@ int main(int argc, char** argv)
         const double ms = median(stage[s]), memory = 1e3 * floorBytes[s] / bandwidth, compute = 1e3 * floorMacs[s] / rate;
         floorSum += std::max(memory, compute);
         std::printf("%-18s %8.2f %10.2f %10.2f %12.2f %10.2f %8.1f\n", stageName(Stage(s)), ms, floorBytes[s] * 1e-6, memory, floorMacs[s] * 1e-6,
-                    compute, ms / std::max(memory, compute));
+                    compute, std::max(memory, compute) > 0 ? ms / std::max(memory, compute) : 0.0);
     }
     std::printf("%-18s %8.2f %54.2f %8.1f\n", "step", median(total), floorSum, median(total) / floorSum);
     std::printf("Adam is fused into the two back stages. ratio = measured over the larger floor.\n");

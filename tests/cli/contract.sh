@@ -79,7 +79,7 @@ expect 2 "no command" "$nacre"
 expect 2 "unknown command 'sculpt'" "$nacre" sculpt mesh.glb -o data
 expect 2 "DATASET" "$nacre" bake
 expect 2 "--output" "$nacre" bake "$sample"
-expect 2 "sss" "${bake[@]}" -o a.glb --model sss
+expect 2 "pbr" "${bake[@]}" -o a.glb --model pbr
 expect 2 "CUDA" "${bake[@]}" -o a.glb --device cuda
 expect 2 "--minutes" "${bake[@]}" -o a.glb --minutes nan
 expect 2 "--minutes" "${bake[@]}" -o a.glb --minutes 1 --iterations 5
@@ -247,7 +247,7 @@ fi
 echo "-- eval, render and info of an asset"
 asset=one/a.glb
 eval_keys="split images psnr psnr_masked ssim flip rel_mse_linear ms_per_frame splats asset_bytes bytes_per_splat renderer"
-eval_keys+=" psnr_min relight_ms sort_ms raster_ms drawn_by"
+eval_keys+=" psnr_min relight_ms sort_ms raster_ms scattered_share drawn_by"
 for renderer in gl reference; do
     expect 0 "" "$nacre" eval $asset "$sample" --renderer $renderer --frames 1 --json eval.json --images images_$renderer
     keys eval.json 2 $eval_keys
@@ -289,6 +289,22 @@ for bytes in 0 4 12 20 1000; do
     expect 2 "cut.glb" "$nacre" info cut.glb
     expect 2 "cut.glb" "$nacre" render cut.glb -o c.png
 done
+
+echo "-- sss: bake, edits"
+expect 0 "" "$nacre" bake "$sample" -o sss.glb --model sss --max-splats 300 --iterations 60 --json sss.json
+keys sss.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes parts history
+view=(--orbit 30,20 --size 64x64 --light point:2,0,3:40)
+expect 0 "" "$nacre" render sss.glb -o plain.exr "${view[@]}"
+expect 0 "" "$nacre" render sss.glb -o factor1.exr "${view[@]}" --edit basecolor=x1 --edit residual=x1@sphere:0,0,0,1
+cmp plain.exr factor1.exr || fail "edits with factor 1 change pixels"
+for edit in basecolor=1,0,0 roughness=x0.2 metalness=1 subsurface=0 opacity=x0.5 tint=4,1,1; do
+    expect 0 "" "$nacre" render sss.glb -o edited.exr "${view[@]}" --edit $edit
+    cmp -s plain.exr edited.exr && fail "--edit $edit changes nothing"
+done
+for bad in color=1 roughness roughness=2 roughness=x-1 roughness=1,1,1 basecolor=1,2 roughness=0.5@ball:0,0,0,1 roughness=0.5@sphere:0,0,0; do
+    expect 2 "$bad" "$nacre" render sss.glb -o c.png --edit $bad
+done
+expect 2 "bigs" "$nacre" render $asset -o c.png --edit roughness=0.5
 
 [ $failures = 0 ] || { echo "$failures checks FAILED"; exit 1; }
 echo "all checks passed"

@@ -72,8 +72,9 @@ extern "C" size_t nacreFuzzSeed(uint8_t* out, size_t cap, unsigned i)
         size_t count;
         int sFunctions, neutralFunctions;
     } const kSeeds[] = {{1, 0, 0}, {2, 1, 1}, {3, 4, 4}, {2, 9, 16}, {9, 25, 9}};
-    if (i >= std::size(kSeeds)) return 0;
-    const auto bytes = encodeAsset(test::makeAsset(kSeeds[i].count, kSeeds[i].sFunctions, kSeeds[i].neutralFunctions));
+    const size_t bigs = std::size(kSeeds);
+    if (i >= bigs + 2) return 0;
+    const auto bytes = i >= bigs ? encodeAsset(test::makeSss(2, i > bigs)) : encodeAsset(test::makeAsset(kSeeds[i].count, kSeeds[i].sFunctions, kSeeds[i].neutralFunctions));
     check(bytes && bytes->size() <= cap);
     std::memcpy(out, bytes->data(), bytes->size());
     return bytes->size();

@@ -3,12 +3,15 @@
 #include "train/checkpoint.h"
 
 #include <cstring>
+#include <iterator>
 
-static nacre::Trainer makeTrainer()
+static constexpr const char* kModels[] = {"bigs", "sss"};
+
+static nacre::Trainer makeTrainer(const char* model)
 {
     nacre::TrainerOptions options;
     options.maxSplats = 40;
-    nacre::Trainer trainer(options, nacre::makeTrainableAppearance("bigs", {4}));
+    nacre::Trainer trainer(options, nacre::makeTrainableAppearance(model, {4}));
     std::vector<nacre::SurfacePoint> points(20);
     for (size_t i = 0; i < points.size(); ++i) points[i] = {{0.01f * float(i), 0, 0}, {0, 0, 1}};
     trainer.initialize(points, 0.01f, true);
@@ -17,8 +20,8 @@ static nacre::Trainer makeTrainer()
 
 extern "C" size_t nacreFuzzSeed(uint8_t* out, size_t cap, unsigned i)
 {
-    if (i > 0) return 0;
-    const auto bytes = nacre::encodeCheckpoint(1, {}, makeTrainer());
+    if (i >= std::size(kModels)) return 0;
+    const auto bytes = nacre::encodeCheckpoint(1, {}, makeTrainer(kModels[i]));
     if (bytes.size() > cap) return 0;
     std::memcpy(out, bytes.data(), bytes.size());
     return bytes.size();
@@ -32,7 +35,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size)
         const uint64_t sum = nacre::fnv1a(bytes.data(), size - 8);
         std::memcpy(bytes.data() + size - 8, &sum, 8);
     }
-    nacre::Trainer trainer = makeTrainer();
-    (void)nacre::decodeCheckpoint(bytes, 1, trainer);
+    for (const char* model : kModels) {
+        nacre::Trainer trainer = makeTrainer(model);
+        (void)nacre::decodeCheckpoint(bytes, 1, trainer);
+    }
     return 0;
 }

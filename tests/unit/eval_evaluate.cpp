@@ -25,6 +25,7 @@ public:
         warmupFrames += warmup;
         return RenderTimes{1, 2, 3, 6};
     }
+    Status setEdits(std::span<const SplatEdit>) override { return ok(); }
     std::string description() const override { return "offset"; }
 
     size_t calls = 0;

@@ -65,7 +65,7 @@ glm::dvec3 radiance(const SplatAsset& asset, size_t i, const std::vector<Light>&
     const BigsCoefficients<float> g{&asset.channels[0].values[25 * i], &asset.channels[1].values[75 * i],
                                     &asset.channels[2].values[3 * i], s ? &s->values[s->components * i] : nullptr, functions,
                                     asset.find("lobe") ? &asset.find("lobe")->values[7 * i] : nullptr,
-                                    visibility ? VisibilityMap{&visibility->bytes[visibility->components * i], bigsVisibilitySize(visibility->components)} : VisibilityMap{},
+                                    visibility ? VisibilityMap{&visibility->bytes[visibility->components * i], visibilitySize(visibility->components)} : VisibilityMap{},
                                     asset.find("shadow") ? asset.find("shadow")->values[i] : 1.0f};
     float yView[25], yLight[25], a[75];
     shBasis(25, wo.x, wo.y, wo.z, yView);

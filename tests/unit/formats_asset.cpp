@@ -50,6 +50,23 @@ TEST_CASE("asset comes back bit for bit, for every size of s and of the neutral 
         }
 }
 
+TEST_CASE("an asset of the model sss comes back bit for bit; a row for all splats must be marked as one")
+{
+    for (const bool all : {false, true}) {
+        const SplatAsset asset = makeSss(5, all);
+        const auto back = decodeAsset(encoded(asset));
+        REQUIRE_MESSAGE(back, (back ? "" : back.error().message));
+        CHECK(identical(asset, *back));
+    }
+    GlbParts parts(encoded(makeSss(5, true)));
+    json& network = parts.relight()["channels"].back();
+    REQUIRE(network["perAsset"] == true);
+    network["perAsset"] = "yes";
+    CHECK(contains(decodeError(parts.bytes()), "perAsset is neither true nor false"));
+    network.erase("perAsset");
+    CHECK(contains(decodeError(parts.bytes()), "expected 5 splats x 7080 floats"));
+}
+
 TEST_CASE("asset keeps floats that have no short decimal text")
 {
     SplatAsset asset = makeAsset(2, 0, 0);

@@ -243,6 +243,11 @@ TEST_CASE("asset check names what is wrong")
     });
     refuses("'rho' has 9 floats and 1 bytes", [](SplatAsset& a) { a.channels[2].bytes.push_back(0); });
     refuses("'tDir' has 74 floats", [](SplatAsset& a) { a.channels[0].values.pop_back(); });
+    refuses("'network' is stored per splat, expected once per asset", [](SplatAsset& a) { a = makeSss(3, true), a.channels.back().perAsset = false; });
+    refuses("'normal' is stored once per asset, expected per splat", [](SplatAsset& a) { a = makeSss(3, true), a.channels[2].perAsset = true; });
+    refuses("'network' has 7079 floats and 0 bytes, expected 1 row x 7080", [](SplatAsset& a) { a = makeSss(3, true), a.channels.back().values.pop_back(); });
+    refuses("'material' of model 'sss' is missing", [](SplatAsset& a) { a = makeSss(3, false), a.channels.erase(a.channels.begin() + 1); });
+    refuses("accepted: 2, 3", [](SplatAsset& a) { a = makeSss(3, false), a.channels[1].components = 1; });
     refuses("SH functions", [](SplatAsset& a) { a.neutral.shFunctions = 5; });
     refuses("coefficients", [](SplatAsset& a) { a.neutral.sh.pop_back(); });
 }
@@ -342,16 +347,16 @@ TEST_CASE("visibility map: texel centres, seams and slope")
     // Everywhere on the sphere, seams and poles included, the bilinear value follows the smooth function.
     for (int k = 0; k < 5000; ++k) {
         const glm::dvec3 d = fibonacciDirection(k, 5000);
-        const double expected = 0.5 + kBigsVisibilitySlope * (stored(&d.x) - 0.5);
+        const double expected = 0.5 + kVisibilitySlope * (stored(&d.x) - 0.5);
         CAPTURE(k);
-        CHECK(std::abs(bigsVisibility(map, &d.x) - expected) < 0.05); // bilinear error of a degree-1 function on texels of up to 15 degrees
+        CHECK(std::abs(mapVisibility(map, &d.x) - expected) < 0.05); // bilinear error of a degree-1 function on texels of up to 15 degrees
     }
     for (const glm::dvec3& axis : {glm::dvec3(1, 0, 0), glm::dvec3(-1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, -1, 0), glm::dvec3(0, 0, -1)})
-        CHECK(std::abs(bigsVisibility(map, &axis.x) - (0.5 + kBigsVisibilitySlope * (stored(&axis.x) - 0.5))) < 0.05);
+        CHECK(std::abs(mapVisibility(map, &axis.x) - (0.5 + kVisibilitySlope * (stored(&axis.x) - 0.5))) < 0.05);
     const double up[3] = {0, 0, 1};
     const std::vector<uint8_t> open(texels.size(), 255), closed(texels.size(), 0);
-    CHECK(bigsVisibility(VisibilityMap{open.data(), n}, up) == 1.0);
-    CHECK(bigsVisibility(VisibilityMap{closed.data(), n}, up) == 0.0);
+    CHECK(mapVisibility(VisibilityMap{open.data(), n}, up) == 1.0);
+    CHECK(mapVisibility(VisibilityMap{closed.data(), n}, up) == 0.0);
 }
 
 TEST_CASE("lobe: peak at the mirror direction, reciprocal up to the facing term, none from behind, finite for any input")

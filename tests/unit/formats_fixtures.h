@@ -2,6 +2,7 @@
 #pragma once
 
 #include "appearance/model_table.h"
+#include "appearance/sss/sss_asset.h"
 #include "asset/asset_io.h"
 #include "splats/splat_asset.h"
 
@@ -53,6 +54,27 @@ inline SplatAsset makeAsset(size_t count, int sFunctions, int neutralFunctions, 
     return asset;
 }
 
+/// The same splats as an asset of the model sss, with all channels or only those that it must have.
+inline SplatAsset makeSss(size_t count, bool all)
+{
+    SplatAsset asset = makeAsset(count, 0, 4, true);
+    asset.model = "sss";
+    const Channel visibility = *asset.find("visibility");
+    const auto channel = [&](const char* name, uint32_t components, auto value) {
+        Channel c{name, components, {}, {}};
+        for (size_t i = 0; i < count * components; ++i) c.values.push_back(value(i));
+        return c;
+    };
+    const auto share = [](size_t i) { return float(i * 37 % 65) / 64.0f; };
+    asset.channels = {channel("baseColor", 3, share), channel("material", all ? 3 : 2, share),
+                      channel("normal", 3, [](size_t i) { return i % 3 == 0 ? 0.6f : i % 3 == 1 ? 0.0f : -0.8f; })};
+    if (!all) return asset;
+    Channel network{"network", uint32_t(kSssNetworkFloats), {}, {}, true};
+    for (size_t i = 0; i < kSssNetworkFloats; ++i) network.values.push_back(float(int(i * 37 % 129) - 64) / 64.0f);
+    asset.channels.push_back(visibility), asset.channels.push_back(network);
+    return asset;
+}
+
 /// Bit-exact, so that -0 and 0 differ.
 template <class T> bool sameBits(const std::vector<T>& a, const std::vector<T>& b)
 {
@@ -68,7 +90,7 @@ inline bool identical(const SplatAsset& a, const SplatAsset& b)
                 a.neutral.shFunctions == b.neutral.shFunctions && sameBits(a.neutral.sh, b.neutral.sh) &&
                 a.channels.size() == b.channels.size();
     for (size_t i = 0; same && i < a.channels.size(); ++i)
-        same = a.channels[i].name == b.channels[i].name && a.channels[i].components == b.channels[i].components &&
+        same = a.channels[i].name == b.channels[i].name && a.channels[i].components == b.channels[i].components && a.channels[i].perAsset == b.channels[i].perAsset &&
                sameBits(a.channels[i].values, b.channels[i].values) && sameBits(a.channels[i].bytes, b.channels[i].bytes);
     return same;
 }

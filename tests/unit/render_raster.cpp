@@ -45,7 +45,7 @@ struct Frame {
         builder.build(makeView<float>(camera, 0.1), cloud);
         std::mt19937_64 rng(seed);
         std::uniform_real_distribution<float> u(0, 1);
-        colors.resize(builder.visible.count() * kColorStride);
+        colors.resize(builder.visible.count() * channelStride(12));
         for (float& c : colors) c = u(rng);
         planes.resize(size_t(camera.width) * camera.height * (channels + 1));
         rasterForward(builder.visible, builder.tiles, colors.data(), channels, planes.data());
@@ -63,7 +63,7 @@ std::vector<double> reference(const Frame& f, int width, int height)
     for (size_t i = 0; i < n; ++i) {
         const auto& s = f.builder.visible.projected[i];
         splats[i] = {{s.mean[0], s.mean[1]}, {s.conic[0], s.conic[1], s.conic[2]}, s.opacity, s.distance, {s.extent[0], s.extent[1]}};
-        for (int c = 0; c < f.channels; ++c) colors[i * f.channels + c] = f.colors[i * kColorStride + c];
+        for (int c = 0; c < f.channels; ++c) colors[i * f.channels + c] = f.colors[i * channelStride(12) + c];
     }
     std::vector<double> planes(f.planes.size());
     for (int y = 0; y < height; ++y)
@@ -111,7 +111,7 @@ TEST_CASE("SIMD backward equals the scalar reference")
         std::vector<float> dPlanes(f.planes.size());
         for (float& d : dPlanes) d = u(rng);
         const size_t n = f.builder.visible.count();
-        std::vector<float> dColors(n * kColorStride);
+        std::vector<float> dColors(n * channelStride(12));
         std::vector<ScreenGradient<float>> dSplats(n);
         RasterScratch scratch;
         rasterBackward(f.builder.visible, f.builder.tiles, f.colors.data(), channels, f.planes.data(), dPlanes.data(), scratch,
@@ -125,7 +125,7 @@ TEST_CASE("SIMD backward equals the scalar reference")
         for (size_t i = 0; i < n; ++i) {
             const auto& s = f.builder.visible.projected[i];
             splats[i] = {{s.mean[0], s.mean[1]}, {s.conic[0], s.conic[1], s.conic[2]}, s.opacity, s.distance, {s.extent[0], s.extent[1]}};
-            for (int c = 0; c < channels; ++c) colors[i * channels + c] = f.colors[i * kColorStride + c];
+            for (int c = 0; c < channels; ++c) colors[i * channels + c] = f.colors[i * channelStride(12) + c];
         }
         for (int y = 0; y < h; ++y)
             for (int x = 0; x < w; ++x) {
@@ -145,7 +145,7 @@ TEST_CASE("SIMD backward equals the scalar reference")
         for (double c : refColors) scaleColor = std::max(scaleColor, std::abs(c));
         for (size_t i = 0; i < n; ++i) {
             CAPTURE(i);
-            for (int c = 0; c < channels; ++c) CHECK(std::abs(dColors[i * kColorStride + c] - refColors[i * channels + c]) < 2e-3 * scaleColor);
+            for (int c = 0; c < channels; ++c) CHECK(std::abs(dColors[i * channelStride(12) + c] - refColors[i * channels + c]) < 2e-3 * scaleColor);
             for (int k = 0; k < 2; ++k) CHECK(std::abs(dSplats[i].mean[k] - refSplats[i].mean[k]) < 2e-3 * scaleMean);
             for (int k = 0; k < 3; ++k) CHECK(std::abs(dSplats[i].conic[k] - refSplats[i].conic[k]) < 2e-3 * scaleConic);
             CHECK(std::abs(dSplats[i].opacity - refSplats[i].opacity) < 5e-3 * scaleOpacity);

@@ -147,9 +147,9 @@ TEST_CASE("an asset that is destroyed leaves no texture, framebuffer or program 
     };
     REQUIRE(host.gl->beginFrame(33, 33)); // makes the host's own
     const int before = objects();
-    for (const int which : {0, int(kAllSharp)}) {
+    for (const int which : {0, int(kAllSharp), -1}) {
         CAPTURE(which);
-        host.load(withSharp(randomAsset(30, which ? 4 : 0, 1), which, 1));
+        host.load(which < 0 ? randomSss(30, kAllSss, 1) : withSharp(randomAsset(30, which ? 4 : 0, 1), which, 1));
         host.draw(front(), kLamp);
         host.draw(front(), std::vector<Light>(9, kLamp[0])); // larger light targets replace the first
         CHECK(objects() > before + 10);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "appearance/bigs/bigs.h"
+#include "appearance/sss/sss_asset.h"
 #include "asset/asset_io.h"
 #include "eval/headless_gl.h"
 #include "eval/splat_renderer.h"
@@ -110,6 +111,32 @@ inline SplatAsset withSharp(SplatAsset asset, int which, uint32_t seed, float sh
     return asset;
 }
 
+enum SssChannelsOf { kSssMaps = 1, kSssNetwork = 2, kSssScatter = 4, kAllSss = 7 };
+
+/// The splats of randomAsset with random materials, normals that look outwards, random maps and a random network, as `which` says.
+inline SplatAsset randomSss(size_t count, int which, uint32_t seed, float splatScale = 0.05f)
+{
+    std::mt19937 rng(seed);
+    const auto uniform = [&](float lo, float hi) { return lo + (hi - lo) * float(rng() >> 8) * 0x1p-24f; };
+    SplatAsset a = randomAsset(count, 0, seed, splatScale);
+    a.model = "sss";
+    Channel base{"baseColor", 3, {}, {}}, material{"material", (which & kSssScatter) ? 3u : 2u, {}, {}}, normal{"normal", 3, {}, {}};
+    Channel maps{"visibility", kVisibilityTexels, {}, {}}, network{"network", uint32_t(kSssNetworkFloats), {}, {}, true};
+    for (size_t g = 0; g < count; ++g) {
+        for (int c = 0; c < 3; ++c) base.values.push_back(uniform(0, 1));
+        for (uint32_t c = 0; c < material.components; ++c) material.values.push_back(c == 0 ? uniform(0.3f, 1) : uniform(0, 1));
+        const glm::vec3 n = glm::normalize(a.cloud.positions[g] + 0.1f * glm::vec3(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)) + glm::vec3(0, 0, 1e-3f));
+        normal.values.insert(normal.values.end(), {n.x, n.y, n.z});
+        for (int i = 0; i < kVisibilityTexels; ++i) maps.bytes.push_back(uint8_t(rng() >> 24));
+    }
+    for (int i = 0; i < kSssWeights; ++i) network.values.push_back(uniform(-0.4f, 0.4f));
+    network.values.insert(network.values.end(), {0, 0, 0, 2});
+    a.channels = {base, material, normal};
+    if (which & kSssMaps) a.channels.push_back(maps);
+    if (which & kSssNetwork) a.channels.push_back(network);
+    return a;
+}
+
 /// One splat at the origin, as randomAsset otherwise.
 inline SplatAsset oneSplat(int sFunctions, glm::vec3 scale = glm::vec3(0.1f), float opacity = 0.8f)
 {
@@ -145,7 +172,7 @@ inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 e
     const std::vector<double> lobe = row("lobe");
     const Channel* visibility = asset.find("visibility");
     const BigsCoefficients<double> k{tDir.data(), tInd.data(), rho.data(), s.data(), functions, lobe.empty() ? nullptr : lobe.data(),
-                                     visibility ? VisibilityMap{&visibility->bytes[g * visibility->components], bigsVisibilitySize(visibility->components)} : VisibilityMap{},
+                                     visibility ? VisibilityMap{&visibility->bytes[g * visibility->components], visibilitySize(visibility->components)} : VisibilityMap{},
                                      asset.find("shadow") ? double(asset.find("shadow")->values[g]) : 1.0};
     const glm::dvec3 mean = asset.cloud.positions[g], out = glm::length(eye - mean) > 0 ? glm::normalize(eye - mean) : glm::dvec3(0, 0, 1);
     double y[25], a[75];

@@ -126,7 +126,7 @@ TEST_CASE("open maps and shadow 0 change nothing at all; closed maps leave the i
     const SplatAsset plain = withSharp(randomAsset(60, 4, 5), kLobe, 5);
     const auto sealed = [&](uint8_t texel, float depth) {
         SplatAsset a = plain;
-        a.channels.push_back({"visibility", kBigsVisibilityTexels, {}, std::vector<uint8_t>(60 * kBigsVisibilityTexels, texel)});
+        a.channels.push_back({"visibility", kVisibilityTexels, {}, std::vector<uint8_t>(60 * kVisibilityTexels, texel)});
         a.channels.push_back({"shadow", 1, std::vector<float>(60, depth), {}});
         return a;
     };

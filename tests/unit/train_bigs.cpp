@@ -47,8 +47,8 @@ Coefficients randomCoefficients(std::mt19937_64& rng, int sFunctions)
     g.values[0] += 1.0;
     for (int c = 0; c < 3; ++c) g.values[100 + c] = 0.4, g.values[25 + c] += 0.5, g.values[kLobeColor + c] = 0.5 + 0.2 * c;
     g.values[kLobe + 2] += 1.0, g.values[kLobeSharpness] = 1.5 + g.values[kLobeSharpness], g.values[kShadow] = 0.8;
-    g.map.resize(kBigsVisibilityTexels); // smooth and away from the ends of the slope
-    for (int t = 0; t < kBigsVisibilityTexels; ++t) g.map[size_t(t)] = uint8_t(127 + 20 * std::sin(0.4 * (t % kBigsVisibilitySize)) - 8 * std::cos(0.3 * (t / kBigsVisibilitySize)));
+    g.map.resize(kVisibilityTexels); // smooth and away from the ends of the slope
+    for (int t = 0; t < kVisibilityTexels; ++t) g.map[size_t(t)] = uint8_t(127 + 20 * std::sin(0.4 * (t % kVisibilitySize)) - 8 * std::cos(0.3 * (t / kVisibilitySize)));
     return g;
 }
 
@@ -246,7 +246,7 @@ struct Scene {
     {
         Coefficients g(parameters.sFunctions);
         for (size_t k = 0; k < g.values.size(); ++k) g.values[k] = parameters.value[parameters.index(i, int(k))];
-        if (!parameters.visibility.empty()) g.map.assign(&parameters.visibility[kBigsVisibilityTexels * i], &parameters.visibility[kBigsVisibilityTexels * i] + kBigsVisibilityTexels);
+        if (!parameters.visibility.empty()) g.map.assign(&parameters.visibility[kVisibilityTexels * i], &parameters.visibility[kVisibilityTexels * i] + kVisibilityTexels);
         return g;
     }
     double falloff(size_t i, int l, double* yLight, double* wi) const

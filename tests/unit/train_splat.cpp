@@ -53,7 +53,7 @@ PreparedImage disc(const Camera& camera, const std::vector<uint8_t>& alpha)
     return prepareImage(image);
 }
 
-Trainer sphereTrainer(size_t count, size_t cap)
+Trainer sphereTrainer(size_t count, size_t cap, const std::string& model = "bigs")
 {
     std::vector<Camera> cameras;
     std::vector<std::vector<uint8_t>> alphas;
@@ -61,7 +61,7 @@ Trainer sphereTrainer(size_t count, size_t cap)
     const VisualHull hull = carveVisualHull(cameras, alphas, 32);
     TrainerOptions options;
     options.maxSplats = cap;
-    Trainer trainer(options, makeTrainableAppearance("bigs", {4}));
+    Trainer trainer(options, makeTrainableAppearance(model, {4}));
     trainer.initialize(sampleHull(hull, count, 1), float(std::sqrt(hull.surfaceArea / double(count))), true);
     return trainer;
 }
@@ -145,56 +145,62 @@ TEST_CASE("Morton order is a permutation that keeps neighbours together")
     CHECK(hop([&](size_t i) { return order[i]; }) < 0.2 * hop([](size_t i) { return i; }));
 }
 
-TEST_CASE("training lowers the loss, densify respects the cap and keeps everything finite")
+TEST_CASE("every model: training lowers the loss, densify respects the cap and keeps everything finite")
 {
-    Trainer trainer = sphereTrainer(200, 300);
-    std::vector<Camera> cameras;
-    std::vector<std::vector<uint8_t>> alphas;
-    sphereViews(0.5, 64, cameras, alphas);
-    Light light;
-    light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
-    const auto error = [&] {
-        const PreparedImage image = disc(cameras[3], alphas[3]);
-        const PreparedImage* reference = &image;
-        std::vector<float> planes, gradient;
-        trainer.render(cameras[3], std::span(&light, 1), planes);
-        gradient.resize(planes.size());
-        return ImageLoss().evaluate(planes.data(), &reference, 1, {}, gradient.data()).loss;
-    };
-    const double before = error();
-    train(trainer, 1, 30);
-    trainer.densify(60);
-    CHECK(trainer.count() == 260);
-    train(trainer, 31, 40);
-    trainer.densify(500);
-    CHECK(trainer.count() == 300);
-    train(trainer, 41, 90);
-    CHECK(error() < 0.5 * before);
-    SplatAsset asset;
-    trainer.exportTo(asset);
-    for (const Channel& c : asset.channels)
-        for (float v : c.values) REQUIRE(std::isfinite(v));
-    trainer.resetStatistics();
-    CHECK(trainer.prune() == 300); // nothing has been seen since the reset
+    for (const AppearanceModel& model : appearanceModels()) {
+        CAPTURE(model.name);
+        Trainer trainer = sphereTrainer(200, 300, model.name);
+        std::vector<Camera> cameras;
+        std::vector<std::vector<uint8_t>> alphas;
+        sphereViews(0.5, 64, cameras, alphas);
+        Light light;
+        light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
+        const auto error = [&] {
+            const PreparedImage image = disc(cameras[3], alphas[3]);
+            const PreparedImage* reference = &image;
+            std::vector<float> planes, gradient;
+            trainer.render(cameras[3], std::span(&light, 1), planes);
+            gradient.resize(planes.size());
+            return ImageLoss().evaluate(planes.data(), &reference, 1, {}, gradient.data()).loss;
+        };
+        const double before = error();
+        train(trainer, 1, 30);
+        trainer.densify(60);
+        CHECK(trainer.count() == 260);
+        train(trainer, 31, 40);
+        trainer.densify(500);
+        CHECK(trainer.count() == 300);
+        train(trainer, 41, 90);
+        CHECK(error() < 0.5 * before);
+        SplatAsset asset;
+        trainer.exportTo(asset);
+        for (const Channel& c : asset.channels)
+            for (float v : c.values) REQUIRE(std::isfinite(v));
+        trainer.resetStatistics();
+        CHECK(trainer.prune() == 300); // nothing has been seen since the reset
+    }
 }
 
-TEST_CASE("a split keeps the picture: no pixel changes much")
+TEST_CASE("every model: a split keeps the picture: no pixel changes much")
 {
-    Trainer trainer = sphereTrainer(400, 800);
-    train(trainer, 1, 48);
-    std::vector<Camera> cameras;
-    std::vector<std::vector<uint8_t>> alphas;
-    sphereViews(0.5, 64, cameras, alphas);
-    Light light;
-    light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
-    std::vector<float> before, after;
-    trainer.render(cameras[0], std::span(&light, 1), before);
-    trainer.densify(200);
-    REQUIRE(trainer.count() == 600);
-    trainer.render(cameras[0], std::span(&light, 1), after);
-    double sum = 0, scale = 0;
-    for (size_t i = 0; i < before.size(); ++i) sum += std::abs(before[i] - after[i]), scale += std::abs(before[i]);
-    CHECK(sum < 0.1 * scale); // half of the splats were split
+    for (const AppearanceModel& model : appearanceModels()) {
+        CAPTURE(model.name);
+        Trainer trainer = sphereTrainer(400, 800, model.name);
+        train(trainer, 1, 48);
+        std::vector<Camera> cameras;
+        std::vector<std::vector<uint8_t>> alphas;
+        sphereViews(0.5, 64, cameras, alphas);
+        Light light;
+        light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
+        std::vector<float> before, after;
+        trainer.render(cameras[0], std::span(&light, 1), before);
+        trainer.densify(200);
+        REQUIRE(trainer.count() == 600);
+        trainer.render(cameras[0], std::span(&light, 1), after);
+        double sum = 0, scale = 0;
+        for (size_t i = 0; i < before.size(); ++i) sum += std::abs(before[i] - after[i]), scale += std::abs(before[i]);
+        CHECK(sum < 0.1 * scale); // half of the splats were split
+    }
 }
 
 TEST_CASE("a hull that cameras enclose keeps off the border; one seen from the front only reaches it")
@@ -206,37 +212,40 @@ TEST_CASE("a hull that cameras enclose keeps off the border; one seen from the f
     CHECK(touchesBorder(carveVisualHull(std::span(cameras).first(1), std::span(masks).first(1), 32)));
 }
 
-TEST_CASE("a checkpoint continues to the same bytes; damaged at any place or foreign, it is refused")
+TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any place or foreign, it is refused")
 {
-    Trainer trainer = sphereTrainer(60, 120);
-    train(trainer, 1, 20);
-    trainer.densify(30);
-    BakeState before;
-    before.step = 20, before.stepsSinceReset = 3, before.seconds = 1.5;
-    before.history.push_back({1.0, 10, 60, 20.0, 15.0});
-    const std::vector<std::byte> bytes = encodeCheckpoint(77, before, trainer);
-    train(trainer, 21, 40);
+    for (const AppearanceModel& model : appearanceModels()) {
+        CAPTURE(model.name);
+        Trainer trainer = sphereTrainer(60, 120, model.name);
+        train(trainer, 1, 20);
+        trainer.densify(30);
+        BakeState before;
+        before.step = 20, before.stepsSinceReset = 3, before.seconds = 1.5;
+        before.history.push_back({1.0, 10, 60, 20.0, 15.0});
+        const std::vector<std::byte> bytes = encodeCheckpoint(77, before, trainer);
+        train(trainer, 21, 40);
 
-    Trainer resumed = sphereTrainer(100, 120);
-    auto after = decodeCheckpoint(bytes, 77, resumed);
-    REQUIRE(bool(after));
-    CHECK(after->step == 20);
-    CHECK(after->stepsSinceReset == 3);
-    CHECK(after->history.size() == 1);
-    train(resumed, 21, 40);
-    CHECK(state(resumed) == state(trainer));
+        Trainer resumed = sphereTrainer(100, 120, model.name);
+        auto after = decodeCheckpoint(bytes, 77, resumed);
+        REQUIRE(bool(after));
+        CHECK(after->step == 20);
+        CHECK(after->stepsSinceReset == 3);
+        CHECK(after->history.size() == 1);
+        train(resumed, 21, 40);
+        CHECK(state(resumed) == state(trainer));
 
-    CHECK_FALSE(bool(decodeCheckpoint(bytes, 78, resumed)));
-    const std::span<const std::byte> whole(bytes);
-    for (size_t cut = 0; cut < bytes.size(); cut += cut < 200 ? 1 : 997) CHECK_FALSE(bool(decodeCheckpoint(whole.first(cut), 77, resumed)));
-    for (size_t at = 0; at < bytes.size(); at += 1009) {
-        std::vector<std::byte> damaged = bytes;
-        damaged[at] ^= std::byte(1);
-        CHECK_FALSE(bool(decodeCheckpoint(damaged, 77, resumed)));
+        CHECK_FALSE(bool(decodeCheckpoint(bytes, 78, resumed)));
+        const std::span<const std::byte> whole(bytes);
+        for (size_t cut = 0; cut < bytes.size(); cut += cut < 200 ? 1 : 997) CHECK_FALSE(bool(decodeCheckpoint(whole.first(cut), 77, resumed)));
+        for (size_t at = 0; at < bytes.size(); at += 1009) {
+            std::vector<std::byte> damaged = bytes;
+            damaged[at] ^= std::byte(1);
+            CHECK_FALSE(bool(decodeCheckpoint(damaged, 77, resumed)));
+        }
     }
 }
 
-TEST_CASE("numerics that bite: a training step leaves every parameter finite and in bounds")
+static void numericsThatBite(const std::string& model)
 {
     std::vector<Camera> cameras;
     std::vector<std::vector<uint8_t>> masks;
@@ -263,7 +272,7 @@ TEST_CASE("numerics that bite: a training step leaves every parameter finite and
 
     TrainerOptions options;
     options.maxSplats = 96;
-    Trainer trainer(options, makeTrainableAppearance("bigs", {9}));
+    Trainer trainer(options, makeTrainableAppearance(model, {9}));
     trainer.initialize(points, spacing, true);
     const PreparedImage image = disc(camera, masks[2]);
     const PreparedImage* reference = &image;
@@ -272,10 +281,13 @@ TEST_CASE("numerics that bite: a training step leaves every parameter finite and
         if (step == 15) trainer.densify(16);
     }
     SplatAsset asset;
-    asset.model = "bigs";
+    asset.model = model;
     trainer.exportTo(asset);
     CHECK(bool(validate(asset))); // finite, unit quaternions, positive scales, opacities in [0, 1]
 }
+
+TEST_CASE("numerics that bite: a training step leaves every parameter finite and in bounds, bigs") { numericsThatBite("bigs"); }
+TEST_CASE("numerics that bite: a training step leaves every parameter finite and in bounds, sss") { numericsThatBite("sss"); }
 
 TEST_CASE("geometry with condition 1e8, near-zero quaternion, saturated opacity and infinite gradient survives a step")
 {

@@ -36,7 +36,7 @@ std::vector<GaussianGeometry<float>> sphere(int count, float radius)
 float visibility(const std::vector<uint8_t>& maps, size_t splat, const glm::vec3& w)
 {
     const glm::vec3 d = glm::normalize(w);
-    return bigsVisibility(VisibilityMap{&maps[splat * kBigsVisibilityTexels]}, &d.x);
+    return mapVisibility(VisibilityMap{&maps[splat * kVisibilityTexels]}, &d.x);
 }
 
 } // namespace
@@ -44,7 +44,7 @@ float visibility(const std::vector<uint8_t>& maps, size_t splat, const glm::vec3
 TEST_CASE("a closed surface hides the far side from its splats and leaves the near side open")
 {
     const auto splats = sphere(3000, 0.7f);
-    const std::vector<uint8_t> maps = lightVisibility(splats, kBigsVisibilitySize, 2);
+    const std::vector<uint8_t> maps = lightVisibility(splats, kVisibilitySize, 2);
     for (int i = 0; i < 3000; i += 61) {
         const glm::vec3 n(fibonacciDirection(i, 3000));
         for (int k = 0; k < 200; ++k) {
@@ -63,7 +63,7 @@ TEST_CASE("the edge of a hard shadow lies where geometry puts it")
         for (int x = 0; x < 40; ++x) splats.push_back(disc({(float(x) + 0.5f) / 40 - 0.5f, (float(y) + 0.5f) / 40 - 0.5f, 0.5f}, {0, 0, 1}, 0.02f));
     const size_t probe = splats.size();
     splats.push_back(disc({0, 0, 0}, {0, 0, 1}, 0.02f));
-    const std::vector<uint8_t> maps = lightVisibility(splats, kBigsVisibilitySize, 2);
+    const std::vector<uint8_t> maps = lightVisibility(splats, kVisibilitySize, 2);
     for (const glm::vec3 side : {glm::vec3(1, 0, 0), glm::vec3(-1, 0, 0), glm::vec3(0, 1, 0), glm::vec3(0, -1, 0)}) {
         float edge = -1; // degrees from the vertical where half of the light arrives
         for (float a = 0; a < 89 && edge < 0; a += 0.25f)
@@ -79,14 +79,14 @@ TEST_CASE("visibility does not depend on the number of threads and survives odd 
     auto splats = sphere(400, 1.0f);
     const auto map = [&](int threads) {
         tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
-        return lightVisibility(splats, kBigsVisibilitySize, 1);
+        return lightVisibility(splats, kVisibilitySize, 1);
     };
     CHECK(map(1) == map(3));
     splats[5].scale[0] = splats[5].scale[1] = 300, splats[9].opacity = 0, splats[11].scale[2] = 1e-12f;
-    CHECK(lightVisibility(splats, kBigsVisibilitySize, 1).size() == 400 * kBigsVisibilityTexels);
+    CHECK(lightVisibility(splats, kVisibilitySize, 1).size() == 400 * kVisibilityTexels);
     splats.resize(1);
-    for (uint8_t v : lightVisibility(splats, kBigsVisibilitySize, 1)) CHECK(v == 255);
-    CHECK(lightVisibility({}, kBigsVisibilitySize, 1).empty());
+    for (uint8_t v : lightVisibility(splats, kVisibilitySize, 1)) CHECK(v == 255);
+    CHECK(lightVisibility({}, kVisibilitySize, 1).empty());
 }
 
 TEST_CASE("normals of wobbling discs are those of the surface, outside where they were said to be")

@@ -49,7 +49,7 @@ template <class T>
 NACRE_HD inline void bigsSharpBackward(const BigsCoefficients<T>& g, const BigsTerms<T>& t, const T* wo, const T* wi, const T dTransport[3],
                                        BigsSharpGradient<T>& d)
 {
-    const T zero = T(0), dark = g.visibility.texels ? T(1) - bigsVisibility(g.visibility, wi) : zero, visible = T(1) - g.shadow * dark;
+    const T zero = T(0), dark = g.visibility.texels ? T(1) - mapVisibility(g.visibility, wi) : zero, visible = T(1) - g.shadow * dark;
     const T direct = t.direct > zero ? t.direct : zero, shape = g.lobe ? bigsLobe(g.lobe, wo, wi) : zero;
     T dShape = zero;
     for (int c = 0; c < 3; ++c) {

@@ -93,7 +93,7 @@ public:
         if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > visibilityRenewed_ && progress < kNormalsUntil))) findNormals(geometry);
         bands_.lobe = lobeOn_ && normalsKnown_;
         if (visibilityOn_ && due > visibilityRenewed_) {
-            parameters_.visibility = lightVisibility(geometry, kBigsVisibilitySize, kVisibilityOversample);
+            parameters_.visibility = lightVisibility(geometry, kVisibilitySize, kVisibilityOversample);
             visibilityRenewed_ = due;
         }
         const int degree = std::min(4, int(progress / kBandEvery));
@@ -155,7 +155,7 @@ public:
             if (row.first == kLobe) finishLobes(c.values);
             channels.push_back(std::move(c));
         }
-        if (shaded) channels.push_back({"visibility", kBigsVisibilityTexels, {}, parameters_.visibility});
+        if (shaded) channels.push_back({"visibility", kVisibilityTexels, {}, parameters_.visibility});
         return channels;
     }
 
@@ -185,7 +185,7 @@ public:
             if (i >= p.count) return false;
         const size_t floats = p.blocks() * p.coefficients() * kLanes16;
         if (in.failed || p.value.size() != floats || p.momentum.size() != floats || p.secondMoment.size() != p.blocks() * kBigsGroups * kLanes16 ||
-            (!p.visibility.empty() && p.visibility.size() != p.count * kBigsVisibilityTexels))
+            (!p.visibility.empty() && p.visibility.size() != p.count * kVisibilityTexels))
             return false;
         parameters_ = std::move(p), neighbours_ = std::move(neighbours);
         return true;

@@ -140,7 +140,7 @@ void evaluateDirections(const BlockInput& in, int lane, const LitView& view, con
 
 HWY_INLINE V dot(const V* a, const V* b) { return hn::MulAdd(a[0], b[0], hn::MulAdd(a[1], b[1], hn::Mul(a[2], b[2]))); }
 
-// 1 - bigsVisibility towards a light. Four bytes of a map of its own per splat: nothing to gain from SIMD.
+// 1 - mapVisibility towards a light. Four bytes of a map of its own per splat: nothing to gain from SIMD.
 V darkness(const BigsParameters& parameters, const BlockInput& in, int lane, const V* toLight)
 {
     const D d;
@@ -149,7 +149,7 @@ V darkness(const BigsParameters& parameters, const BlockInput& in, int lane, con
     for (int k = 0; k < kN; ++k) {
         if (in.visible[lane + k] == ~0u) continue;
         const float direction[3] = {w[0][k], w[1][k], w[2][k]};
-        dark[k] = 1 - bigsVisibility(VisibilityMap{&parameters.visibility[(in.first + size_t(lane + k)) * kBigsVisibilityTexels]}, direction);
+        dark[k] = 1 - mapVisibility(VisibilityMap{&parameters.visibility[(in.first + size_t(lane + k)) * kVisibilityTexels]}, direction);
     }
     return hn::Load(d, dark);
 }
@@ -558,7 +558,7 @@ void BigsParameters::resize(size_t newCount)
     value.resize(blocks() * coefficients() * kLanes16);
     momentum.resize(value.size());
     secondMoment.resize(blocks() * kBigsGroups * kLanes16);
-    if (!visibility.empty()) visibility.resize(count * kBigsVisibilityTexels, 255);
+    if (!visibility.empty()) visibility.resize(count * kVisibilityTexels, 255);
     for (size_t i = old; i < count; ++i) { // the last block may hold what was there before an earlier shrink
         for (int k = 0; k < coefficients(); ++k) value[index(i, k)] = momentum[index(i, k)] = 0.0f;
         for (int k = 0; k < kBigsGroups; ++k) secondMoment[(i / kLanes16 * kBigsGroups + k) * kLanes16 + i % kLanes16] = 0.0f;
@@ -569,7 +569,7 @@ void BigsParameters::copySplat(size_t from, size_t to)
 {
     for (int k = 0; k < coefficients(); ++k) value[index(to, k)] = value[index(from, k)], momentum[index(to, k)] = 0.0f;
     if (!visibility.empty())
-        std::copy_n(&visibility[from * kBigsVisibilityTexels], kBigsVisibilityTexels, &visibility[to * kBigsVisibilityTexels]);
+        std::copy_n(&visibility[from * kVisibilityTexels], kVisibilityTexels, &visibility[to * kVisibilityTexels]);
     for (int k = 0; k < kBigsGroups; ++k) secondMoment[(to / kLanes16 * kBigsGroups + k) * kLanes16 + to % kLanes16] = 0.0f;
 }
 
@@ -588,7 +588,7 @@ void BigsParameters::permute(std::span<const uint32_t> order)
     if (visibility.empty()) return;
     std::vector<uint8_t> moved(visibility.size());
     for (size_t i = 0; i < order.size(); ++i)
-        std::copy_n(&visibility[order[i] * kBigsVisibilityTexels], kBigsVisibilityTexels, &moved[i * kBigsVisibilityTexels]);
+        std::copy_n(&visibility[order[i] * kVisibilityTexels], kVisibilityTexels, &moved[i * kVisibilityTexels]);
     visibility.swap(moved);
 }
 

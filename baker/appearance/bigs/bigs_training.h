@@ -29,7 +29,7 @@ struct BigsParameters {
     size_t count = 0;
     AlignedVector<float> value, momentum; // [blocks][coefficients()][16]
     AlignedVector<float> secondMoment;    // [blocks][kBigsGroups][16]
-    std::vector<uint8_t> visibility;      // [count][kBigsVisibilityTexels]; empty: nothing shades anything
+    std::vector<uint8_t> visibility;      // [count][kVisibilityTexels]; empty: nothing shades anything
 
     int coefficients() const { return kScatter + 3 * bigsPairCount(sFunctions); }
     size_t blocks() const { return (count + kLanes16 - 1) / kLanes16; }

@@ -7,12 +7,13 @@
 // T_dir and T_ind are SH of degree 4 in w_t. s is a symmetric form s(w_t, w_o) = sum_ab c_ab y_a(w_t) y_b(w_o), c_ab = c_ba,
 // on the first `sFunctions` SH, stored as the pairs a <= b at b(b+1)/2 + a: fewer functions are a prefix.
 // lobe: the GGX distribution of the half vector about the splat's normal, 1 at its peak; k is its colour there (bigsLobe).
-// v: transmittance of the other splats towards the light, an octahedral map of 16 x 16 or 32 x 32 texels (bigsVisibility), made weaker by
+// v: transmittance of the other splats towards the light, an octahedral map of 16 x 16 or 32 x 32 texels (mapVisibility), made weaker by
 // `shadow`, 0 to 1, where light seeps in (v = 1 - shadow (1 - map)).
 // s, lobe (k = 0), visibility (v = 1) and shadow (1) are left out of assets that do not need them.
 // Linear in light: every clamp is per light and before the product with E_t.
 #pragma once
 
+#include "appearance/visibility_map.h"
 #include "base/host_device.h"
 #include "base/spherical_harmonics.h"
 
@@ -22,9 +23,6 @@ namespace nacre {
 
 constexpr int kBigsTransportFunctions = 25;
 constexpr int kBigsLobeFloats = 7;         // unit normal, sharpness 1/alpha^2 - 1 of GGX, k rgb
-constexpr int kBigsVisibilitySize = 32;    // texels per side, as baked
-constexpr int kBigsVisibilityTexels = kBigsVisibilitySize * kBigsVisibilitySize;
-constexpr float kBigsVisibilitySlope = 4.0f;
 constexpr float kBigsLobeFacing = 4.0f;
 
 NACRE_HD constexpr int bigsPairCount(int sFunctions) { return sFunctions * (sFunctions + 1) / 2; }
@@ -36,14 +34,6 @@ NACRE_HD constexpr int bigsScatterFunctions(uint32_t components)
     return 0;
 }
 NACRE_HD constexpr int bigsPair(int a, int b) { return a <= b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b; }
-
-/// One Gaussian's octahedral map of transmittance, bytes [size][size]; size is even. Without texels everything is visible.
-struct VisibilityMap {
-    const uint8_t* texels = nullptr;
-    int size = kBigsVisibilitySize;
-};
-/// How many texels a side of a channel's maps has.
-NACRE_HD constexpr int bigsVisibilitySize(uint32_t components) { return components == 256 ? 16 : 32; }
 
 /// One Gaussian's coefficients.
 template <class T>
@@ -107,38 +97,6 @@ NACRE_HD inline T bigsLobe(const T* normalAndSharpness, const T* wo, const T* wi
     return u * u * (front < T(1) ? front : T(1));
 }
 
-/// Texel (i, j) of an octahedral map, one step over the border allowed: the map continues mirrored on the same edge.
-NACRE_HD inline int bigsVisibilityTexel(int i, int j, int n)
-{
-    if (i < 0 || i >= n) i = i < 0 ? 0 : n - 1, j = n - 1 - j;
-    if (j < 0 || j >= n) j = j < 0 ? 0 : n - 1, i = n - 1 - i;
-    return j * n + i;
-}
-
-/// Transmittance towards the unit direction w. The map holds means over its texels, so across the edge of a hard shadow the bilinear
-/// value is a ramp of about two texels: the slope sharpens it around one half.
-template <class T>
-NACRE_HD inline T bigsVisibility(const VisibilityMap& map, const T* w)
-{
-    const T ax = w[0] < T(0) ? -w[0] : w[0], ay = w[1] < T(0) ? -w[1] : w[1], az = w[2] < T(0) ? -w[2] : w[2];
-    const T inv = T(1) / (ax + ay + az);
-    T u = w[0] * inv, v = w[1] * inv;
-    if (w[2] < T(0)) { // the lower half folds outwards
-        const T foldedU = (T(1) - ay * inv) * (w[0] < T(0) ? T(-1) : T(1));
-        v = (T(1) - ax * inv) * (w[1] < T(0) ? T(-1) : T(1));
-        u = foldedU;
-    }
-    const int n = map.size;
-    const T x = (u + T(1)) * T(n / 2) + T(0.5), y = (v + T(1)) * T(n / 2) + T(0.5); // texel centres at whole numbers 1..n
-    int i = int(x), j = int(y);
-    i = i < n ? i : n, j = j < n ? j : n;
-    const T fx = x - T(i), fy = y - T(j);
-    const T lower = (T(1) - fx) * T(map.texels[bigsVisibilityTexel(i - 1, j - 1, n)]) + fx * T(map.texels[bigsVisibilityTexel(i, j - 1, n)]);
-    const T upper = (T(1) - fx) * T(map.texels[bigsVisibilityTexel(i - 1, j, n)]) + fx * T(map.texels[bigsVisibilityTexel(i, j, n)]);
-    const T value = T(0.5) + T(kBigsVisibilitySlope) * (((T(1) - fy) * lower + fy * upper) * T(1.0 / 255) - T(0.5));
-    return value < T(0) ? T(0) : value > T(1) ? T(1) : value;
-}
-
 /// What depends on the directions beyond their SH: v and k * lobe.
 template <class T>
 struct BigsSharpTerms {
@@ -150,7 +108,7 @@ template <class T>
 NACRE_HD inline BigsSharpTerms<T> bigsSharpTerms(const BigsCoefficients<T>& g, const T* wo, const T* wi)
 {
     BigsSharpTerms<T> t;
-    if (g.visibility.texels) t.visible = T(1) - g.shadow * (T(1) - bigsVisibility(g.visibility, wi));
+    if (g.visibility.texels) t.visible = T(1) - g.shadow * (T(1) - mapVisibility(g.visibility, wi));
     if (g.lobe) {
         const T shape = bigsLobe(g.lobe, wo, wi);
         for (int c = 0; c < 3; ++c) t.lobe[c] = g.lobe[4 + c] * shape;

@@ -91,6 +91,33 @@ typedef struct NacreLight {
 /// Replaces the lights that illuminate `asset`. Copies them. Relighting runs at the next draw, only if something changed.
 NACRE_API NacreResult nacreAssetSetLights(NacreAsset asset, const NacreLight* lights, size_t count);
 
+typedef enum NacreEditTarget {
+    NACRE_EDIT_BASE_COLOR = 0, // value: linear rgb, 0 to 1
+    NACRE_EDIT_ROUGHNESS = 1,  // value[0], 0 to 1, as are the next two
+    NACRE_EDIT_METALNESS = 2,
+    NACRE_EDIT_SUBSURFACE = 3,
+    NACRE_EDIT_RESIDUAL = 4,   // value: rgb factor of the light that travels beneath the surface; 1 as baked
+    NACRE_EDIT_OPACITY = 5     // value[0], 0 to 1
+} NacreEditTarget;
+typedef enum NacreEditOperation { NACRE_EDIT_SET = 0, NACRE_EDIT_MULTIPLY = 1 } NacreEditOperation;
+typedef enum NacreEditRegion { NACRE_REGION_EVERYWHERE = 0, NACRE_REGION_BOX = 1, NACRE_REGION_SPHERE = 2 } NacreEditRegion;
+
+/// A change of baked materials, in order of the array. Asset space; a splat is inside if its centre is.
+typedef struct NacreEdit {
+    NacreEditTarget target;
+    NacreEditOperation operation;
+    float value[3];       // 0 to 1e4; what it makes of a material is held in the range above
+    NacreEditRegion region;
+    float low[3];         // box: lower corner; sphere: centre
+    float high[3];        // box: upper corner; sphere: high[0] is the radius
+} NacreEdit;
+
+#define NACRE_MAX_EDITS 64
+
+/// Replaces the edits of `asset`; none brings back what was baked. Multiplying by 1 changes no pixel. Cost at the next draw: all materials
+/// are uploaded again. NACRE_ERROR_UNSUPPORTED: the asset's model has no materials (bigs).
+NACRE_API NacreResult nacreAssetSetEdits(NacreAsset asset, const NacreEdit* edits, size_t count);
+
 typedef struct NacreDrawDesc {
     size_t structSize;          // sizeof(NacreDrawDesc)
     float worldFromAsset[16];   // rigid plus uniform scale

@@ -12,6 +12,9 @@ uniform float uWorldScale2;
 
 layout(location = 0) out vec4 outColor;
 
+// a_i of a splat: its grid row becomes S_FUNCTIONS rows, so that fragments that read the same coefficients are neighbours.
+ivec2 contractedTexel(ivec2 splat, int i) { return ivec2(splat.x, splat.y * S_FUNCTIONS + i); }
+
 void main()
 {
     ivec2 splat = passSplat();

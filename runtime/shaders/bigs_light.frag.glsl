@@ -15,16 +15,6 @@ uniform sampler2DArray uVisibility;
 #if HAS_LOBE
 layout(location = 2) out vec4 outVisible;
 #endif
-
-float visibility(int map, vec3 w)
-{
-    ivec4 texels;
-    vec4 weights;
-    visibilityTexels(w, texels, weights);
-    vec4 v;
-    for (int k = 0; k < 4; ++k) v[k] = texelFetch(uVisibility, longRowTexel(map + texels[k]), 0).r;
-    return sharpenVisibility(dot(v, weights));
-}
 #endif
 
 void main()
@@ -39,7 +29,6 @@ void main()
     vec3 indirect = vec3(0.0);
 #if HAS_VISIBILITY
     float shadow = texelFetch(uGeometry, slotTexel(splat, 3), 0).w;
-    int map = splatIndex(splat) * (VISIBILITY_SIZE * VISIBILITY_SIZE);
     vec4 visible = vec4(0.0);
 #endif
     int end = min(uLightCount - first, 4);
@@ -53,7 +42,7 @@ void main()
         t = max(t, 0.0) * s.w;
         vec4 lane = vec4(equal(ivec4(k), ivec4(0, 1, 2, 3)));
 #if HAS_VISIBILITY
-        float v = 1.0 - shadow * (1.0 - visibility(map, s.xyz));
+        float v = 1.0 - shadow * (1.0 - mapVisibility(uVisibility, splatIndex(splat), s.xyz));
         t.w *= v;
         visible += v * lane;
 #endif

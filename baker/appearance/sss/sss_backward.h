@@ -1,0 +1,121 @@
+// Gradient of what a pixel shades (formats/appearance/sss/sss.h). Scalar reference, host and device.
+#pragma once
+
+#include "appearance/sss/sss.h"
+
+namespace nacre {
+
+/// Gradient with respect to the surface and to the two directions (as free vectors: project before use on the sphere).
+template <class T>
+struct SssReflectGradient {
+    T base[3] = {}, roughness = T(0), metalness = T(0), normal[3] = {}, wo[3] = {}, wi[3] = {};
+};
+
+/// Adds the gradient of sum_c dValue[c] * value[c] to `d`. `o` from sssReflect of the same arguments. Clamps pass no gradient.
+template <class T>
+NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, const T* wi, const SssReflection<T>& o, const T* dValue,
+                                        SssReflectGradient<T>& d)
+{
+    const T zero = T(0), one = T(1), pi = T(3.14159265358979);
+    if (!(o.nl > zero)) return; // lit from behind: zero, and flat
+    T dSpecular = zero, dP = zero, dNl = zero; // of D * vis; of Schlick's power
+    for (int c = 0; c < 3; ++c) {
+        const T g = dValue[c] * o.nl, lambert = (one - s.metalness) * s.base[c] / pi;
+        dNl += dValue[c] * ((one - o.fresnel[c]) * lambert + o.d * o.vis * o.fresnel[c]);
+        dSpecular += g * o.fresnel[c];
+        const T dFresnel = g * (o.d * o.vis - lambert), dF0 = dFresnel * (one - o.p);
+        dP += dFresnel * (one - o.f0[c]);
+        d.base[c] += dF0 * s.metalness + g * (one - o.fresnel[c]) * (one - s.metalness) / pi;
+        d.metalness += dF0 * (s.base[c] - T(kSssDielectricF0)) - g * (one - o.fresnel[c]) * s.base[c] / pi;
+    }
+    const T dD = dSpecular * o.vis, dVis = dSpecular * o.d;
+    const T dA2 = o.d > zero ? dD * (o.d / o.a2 - T(2) * o.d * o.nh * o.nh / o.q) : zero;
+    T dNh = dD * T(-4) * o.d * o.nh * (o.a2 - one) / o.q;
+    if (!(o.nh > zero && o.nh < one)) dNh = zero;
+    dNl -= dVis * o.vis * (one - o.k) / o.gl;
+    T dNv = -dVis * o.vis * (one - o.k) / o.gv;
+    if (!(o.nv > zero)) dNv = zero;
+    const T dK = -dVis * o.vis * ((one - o.nl) / o.gl + (one - o.nv) / o.gv);
+    if (s.roughness > T(kSssMinRoughness) && s.roughness < one)
+        d.roughness += dA2 * T(4) * o.r * o.r * o.r + dK * (o.r + one) / T(4);
+    const T m = one - o.vh;
+    T dVh = dP * T(-5) * m * m * m * m;
+    if (!(o.vh > zero && o.vh < one)) dVh = zero;
+
+    T dHalf[3], along = zero;
+    for (int c = 0; c < 3; ++c) {
+        dHalf[c] = dNh * s.normal[c] + dVh * wo[c], along += dHalf[c] * o.half[c];
+        d.normal[c] += dNl * wi[c] + dNv * wo[c] + dNh * o.half[c];
+        d.wi[c] += dNl * s.normal[c];
+        d.wo[c] += dNv * s.normal[c] + dVh * o.half[c];
+    }
+    if (!(o.halfLength > zero)) return;
+    for (int c = 0; c < 3; ++c) {
+        const T free = (dHalf[c] - along * o.half[c]) / o.halfLength;
+        d.wi[c] += free, d.wo[c] += free;
+    }
+}
+
+/// Adds to dPoint. dWi as a free vector.
+template <class T>
+NACRE_HD inline void sssPointLightBackward(const SssLightAt<T>& o, T radius, const T* dWi, T dFalloff, T* dPoint)
+{
+    if (!(o.distance2 > T(1e-20))) return;
+    const T inv = T(1) / std::sqrt(o.distance2);
+    T along = T(0);
+    for (int c = 0; c < 3; ++c) along += dWi[c] * o.wi[c];
+    // d falloff / d point = 2 falloff^2 (light - point), while the radius does not cap it
+    const T slope = o.distance2 > radius * radius ? T(2) * dFalloff * o.falloff * o.falloff / inv : T(0);
+    for (int c = 0; c < 3; ++c) dPoint[c] += slope * o.wi[c] - (dWi[c] - along * o.wi[c]) * inv;
+}
+
+/// Gradient with respect to a pixel's channels, gathered over its lights.
+template <class T>
+struct SssPixelGradient {
+    SssReflectGradient<T> surface;
+    T direct = T(0), point[3] = {};
+};
+
+/// One point light (`intensity` rgb). dImage: gradient of the radiance times alpha. Writes dLight [4], adds to `d`.
+template <class T>
+NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* channels, const SssLightAt<T>& at, T radius, const T* intensity,
+                                           const SssReflection<T>& o, const T* dImage, T* dLight, SssPixelGradient<T>& d)
+{
+    dLight[kSssIncident] = T(0);
+    for (int c = 0; c < 3; ++c) dLight[kSssScattered + c] = dImage[c];
+    if (!pixel.shaded) return;
+    T dValue[3], sum = T(0); // sum: gradient with respect to direct * incident * falloff
+    const T factor = pixel.direct * channels[kSssIncident] * at.falloff;
+    for (int c = 0; c < 3; ++c) {
+        dValue[c] = dImage[c] * intensity[c] * factor;
+        sum += dImage[c] * intensity[c] * o.value[c];
+    }
+    dLight[kSssIncident] = sum * pixel.direct * at.falloff;
+    d.direct += sum * channels[kSssIncident] * at.falloff;
+    SssReflectGradient<T> here;
+    sssReflectBackward(pixel.surface, pixel.wo, at.wi, o, dValue, here);
+    sssPointLightBackward(at, radius, here.wi, sum * pixel.direct * channels[kSssIncident], d.point);
+    for (int c = 0; c < 3; ++c) d.surface.base[c] += here.base[c], d.surface.normal[c] += here.normal[c];
+    d.surface.roughness += here.roughness, d.surface.metalness += here.metalness;
+}
+
+/// After all lights: overwrites dG [10] and dAlpha, the gradient with respect to the blended channels. `ray` as for sssPixel.
+template <class T>
+NACRE_HD inline void sssPixelBackward(const SssPixel<T>& pixel, const T* g, const T* ray, const SssPixelGradient<T>& d, T* dG, T* dAlpha)
+{
+    for (int k = 0; k < kSssSurfaceChannels; ++k) dG[k] = T(0);
+    *dAlpha = T(0);
+    if (!pixel.shaded) return;
+    T dInverse = T(0), along = T(0), dDepth = T(0);
+    const auto divided = [&](int k, T gradient) { dG[k] = gradient * pixel.inverseAlpha, dInverse += gradient * g[k]; };
+    for (int c = 0; c < 3; ++c) along += pixel.surface.normal[c] * d.surface.normal[c], dDepth += d.point[c] * ray[c];
+    for (int c = 0; c < 3; ++c) {
+        dG[kSssNormal + c] = (d.surface.normal[c] - along * pixel.surface.normal[c]) / pixel.normalLength;
+        divided(kSssBase + c, d.surface.base[c]);
+    }
+    divided(kSssRoughness, d.surface.roughness), divided(kSssMetalness, d.surface.metalness);
+    divided(kSssSubsurface, -d.direct), divided(kSssDepth, dDepth);
+    *dAlpha = -dInverse * pixel.inverseAlpha * pixel.inverseAlpha;
+}
+
+} // namespace nacre

@@ -1,0 +1,423 @@
+// sss as a TrainableAppearance: surface of each splat, the network, and what a step does with both.
+#include "appearance/trainable.h"
+
+#include "appearance/sss/sss.h"
+#include "appearance/sss/sss_asset.h"
+#include "appearance/sss/sss_network_simd.h"
+#include "appearance/sss/sss_resolve.h"
+#include "render/raster.h"
+#include "splat/geometry.h"
+#include "splat/light_visibility.h"
+#include "splat/random.h"
+#include "splat/splat_normals.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+namespace nacre {
+
+namespace {
+
+// One row per splat. All but the normal go through a logistic function.
+constexpr int kBase = 0, kRough = 3, kMetal = 4, kScatter = 5, kNormal = 6, kRowFloats = 9;
+using Row = std::array<float, kRowFloats>;
+constexpr float kRate[kRowFloats] = {2e-2f, 2e-2f, 2e-2f, 2e-2f, 1e-2f, 2e-2f, 1e-2f, 1e-2f, 1e-2f};
+constexpr float kNetworkRate = 3e-3f;
+constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f;
+// Visibility and normals are taken from the geometry as in bigs.
+constexpr double kRenewAt[] = {0.02, 0.06, 0.16, 0.3, 0.5, 0.8};
+constexpr double kNormalsUntil = 0.4;
+constexpr double kPartsJudgedAt = 0.3, kPartWorth = 0.1; // dB
+constexpr float kScatterPull = 2e-3f; // per splat and unit of subsurfaceness: what scatters has to earn it
+constexpr size_t kRanges = 64;        // of blocks: each sums its own gradient of the network, so threads cannot show
+
+float logistic(float x) { return 1.0f / (1.0f + std::exp(-x)); }
+
+struct AdamRate {
+    float rate, correction1, correction2;
+    float step(float gradient, float& momentum, float& second) const
+    {
+        momentum = kBeta1 * momentum + (1 - kBeta1) * gradient;
+        second = kBeta2 * second + (1 - kBeta2) * gradient * gradient;
+        return rate * (momentum / correction1) / (std::sqrt(second / correction2) + 1e-15f);
+    }
+};
+
+/// What a splat is under one light, beyond the network.
+struct Incident {
+    float wi[3], falloff, visibility, distance;
+};
+
+class SssModel final : public TrainableAppearance {
+public:
+    explicit SssModel(const AppearanceOptions& options)
+    {
+        for (const std::string& part : options.without) leaveOut(part);
+        Random random(7);
+        const auto layer = [&](int at, int outputs, int inputs, float gain) {
+            const float bound = gain * std::sqrt(6.0f / float(inputs));
+            for (int k = 0; k < outputs * inputs; ++k) weights_.value[size_t(at + k)] = bound * (2 * random.uniform() - 1);
+        };
+        layer(kSssFirstFixed, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1), layer(kSssFirstLight, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1);
+        layer(kSssSecond, kSssHidden2, kSssHidden1, 1), layer(kSssThird, kSssHidden3, kSssHidden2, 1);
+        layer(kSssResidual, 3, kSssHidden3, 0.3f), layer(kSssShare, kSssHiddenShare, kSssHidden3, 1);
+        for (int c = 0; c < 3; ++c) weights_.value[size_t(kSssResidualBias + c)] = -2.0f;
+        weights_.transpose();
+        networkMomentum_.assign(kSssWeights, 0), networkSecond_.assign(kSssWeights, 0);
+    }
+
+    size_t count() const override { return row_.size(); }
+    int channels(int lights) const override { return kSssSurfaceChannels + kSssLightChannels * lights; }
+
+    void resize(size_t count) override
+    {
+        row_.resize(count, Row{0, 0, 0, 0, -2, -1, 0, 0, 1});
+        momentum_.resize(count), second_.resize(count);
+        if (!visibility_.empty()) visibility_.resize(count * kVisibilityTexels, 255);
+    }
+    void copySplat(size_t from, size_t to) override
+    {
+        row_[to] = row_[from], momentum_[to] = second_[to] = Row{};
+        if (!visibility_.empty()) std::copy_n(&visibility_[from * kVisibilityTexels], kVisibilityTexels, &visibility_[to * kVisibilityTexels]);
+    }
+    void permute(std::span<const uint32_t> order) override
+    {
+        const auto apply = [&](auto& data, size_t stride) {
+            auto moved = data;
+            for (size_t i = 0; i < order.size(); ++i) std::copy_n(&data[order[i] * stride], stride, &moved[i * stride]);
+            data.swap(moved);
+        };
+        apply(row_, 1), apply(momentum_, 1), apply(second_, 1);
+        if (!visibility_.empty()) apply(visibility_, kVisibilityTexels);
+    }
+
+    void beginStep(double progress, double rate, int step, const float*, std::span<const GaussianGeometry<float>> geometry) override
+    {
+        if (frame_[3] == 0) findFrame(geometry);
+        const int due = int(std::upper_bound(std::begin(kRenewAt), std::end(kRenewAt), progress) - std::begin(kRenewAt));
+        if (due > renewed_) {
+            if (progress < kNormalsUntil || renewed_ == 0) findNormals(geometry);
+            if (visibilityOn_) visibility_ = lightVisibility(geometry, kVisibilitySize, 1);
+            renewed_ = due;
+        }
+        rate_ = float(rate);
+        correction1_ = 1 - std::pow(kBeta1, float(step)), correction2_ = 1 - std::pow(kBeta2, float(step));
+    }
+
+    void forward(const VisibleView& view, const LitView& lit, float* out) override
+    {
+        const size_t stride = size_t(channelStride(channels(lit.lightCount)));
+        forEachBlock(view, [&](size_t, size_t first, int lanes, SssBatch& batch) {
+            fillFixed(view, first, lanes, batch);
+            sssBatchFixed(weights_, batch);
+            for (int lane = 0; lane < lanes; ++lane) {
+                const uint32_t v = view.visibleFromSplat[first + size_t(lane)];
+                if (v != ~0u) surfaceChannels(view, lit, first + size_t(lane), out + v * stride);
+            }
+            for (int l = 0; l < lit.lightCount; ++l) {
+                Incident incident[kSssLanes];
+                fillLight(view, lit, l, first, lanes, batch, incident);
+                sssBatchLight(weights_, batch);
+                for (int lane = 0; lane < lanes; ++lane) {
+                    const uint32_t v = view.visibleFromSplat[first + size_t(lane)];
+                    if (v == ~0u) continue;
+                    const float scatter = subsurface(first + size_t(lane));
+                    float* to = out + v * stride + kSssSurfaceChannels + kSssLightChannels * l;
+                    to[kSssIncident] = incident[lane].visibility * (shareOn_ ? batch.share[lane] : 1.0f);
+                    for (int c = 0; c < 3; ++c)
+                        to[kSssScattered + c] = scatter * incident[lane].falloff * lit.lights[l].intensity[c] * batch.residual[c][lane];
+                }
+            }
+        });
+    }
+
+    const float* resolve(const PixelRays& rays, const LitView& lit, const float* planes) override
+    {
+        image_.resize(size_t(rays.width) * rays.height * (3 * lit.lightCount + 1));
+        sssResolve(rays, lit, planes, image_.data());
+        return image_.data();
+    }
+    const float* resolveBackward(const PixelRays& rays, const LitView& lit, const float* planes, const float* dImage) override
+    {
+        dPlanes_.resize(size_t(rays.width) * rays.height * (channels(lit.lightCount) + 1));
+        sssResolveBackward(rays, lit, planes, dImage, dPlanes_.data());
+        return dPlanes_.data();
+    }
+
+    void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dChannels) override
+    {
+        const size_t stride = size_t(channelStride(channels(lit.lightCount)));
+        dWeights_.assign(kRanges * kSssWeights, 0.0f);
+        const AdamRate adam{rate_, correction1_, correction2_};
+        forEachBlock(view, [&](size_t range, size_t first, int lanes, SssBatch& batch) {
+            bool any = false;
+            for (int lane = 0; lane < lanes; ++lane) any = any || isActive(view, active, first + size_t(lane));
+            if (!any) return;
+            fillFixed(view, first, lanes, batch);
+            sssBatchFixed(weights_, batch);
+            std::memset(batch.dFirst, 0, sizeof batch.dFirst);
+            float dScatter[kSssLanes] = {};
+            float* dWeights = &dWeights_[range * kSssWeights];
+            for (int l = 0; l < lit.lightCount; ++l) {
+                Incident incident[kSssLanes];
+                fillLight(view, lit, l, first, lanes, batch, incident);
+                sssBatchLight(weights_, batch);
+                std::memset(batch.dResidual, 0, sizeof batch.dResidual), std::memset(batch.dShare, 0, sizeof batch.dShare);
+                for (int lane = 0; lane < lanes; ++lane) {
+                    const size_t splat = first + size_t(lane);
+                    if (!isActive(view, active, splat)) continue;
+                    const float scatter = subsurface(splat);
+                    const float* d = dChannels + view.visibleFromSplat[splat] * stride + kSssSurfaceChannels + kSssLightChannels * l;
+                    if (shareOn_) batch.dShare[lane] = d[kSssIncident] * incident[lane].visibility;
+                    for (int c = 0; c < 3 && residualOn_; ++c) {
+                        const float perResidual = d[kSssScattered + c] * incident[lane].falloff * lit.lights[l].intensity[c];
+                        batch.dResidual[c][lane] = perResidual * scatter;
+                        dScatter[lane] += perResidual * batch.residual[c][lane];
+                    }
+                }
+                sssBatchLightBackward(weights_, batch, dWeights);
+            }
+            sssBatchFixedBackward(batch, dWeights);
+            for (int lane = 0; lane < lanes; ++lane) {
+                const size_t splat = first + size_t(lane);
+                if (isActive(view, active, splat)) stepRow(splat, dChannels + view.visibleFromSplat[splat] * stride, dScatter[lane], adam);
+            }
+        });
+        stepNetwork(adam);
+    }
+
+    std::vector<OptionalPart> optionalParts() const override
+    {
+        std::vector<OptionalPart> parts;
+        if (residualOn_) parts.push_back({"residual", kPartsJudgedAt, kPartWorth});
+        if (shareOn_) parts.push_back({"share", kPartsJudgedAt, kPartWorth});
+        if (!visibility_.empty()) parts.push_back({"visibility", kPartsJudgedAt, kPartWorth});
+        return parts;
+    }
+
+    void leaveOut(const std::string& part) override
+    {
+        if (part == "residual") residualOn_ = false;
+        if (part == "share") shareOn_ = false;
+        if (part == "visibility") visibilityOn_ = false, visibility_.clear();
+    }
+
+    std::vector<Channel> exportChannels() const override
+    {
+        const size_t n = count();
+        Channel base{"baseColor", 3, std::vector<float>(3 * n), {}}, normal{"normal", 3, std::vector<float>(3 * n), {}};
+        const size_t m = residualOn_ ? 3 : 2; // roughness, metalness, subsurfaceness
+        Channel material{"material", uint32_t(m), std::vector<float>(m * n), {}};
+        for (size_t i = 0; i < n; ++i) {
+            for (size_t c = 0; c < 3; ++c) base.values[3 * i + c] = logistic(row_[i][kBase + c]);
+            for (size_t c = 0; c < m; ++c) material.values[m * i + c] = logistic(row_[i][kRough + c]);
+            unitNormal(i, &normal.values[3 * i]);
+        }
+        std::vector<Channel> channels{std::move(base), std::move(material), std::move(normal)};
+        if (!visibility_.empty()) channels.push_back({"visibility", kVisibilityTexels, {}, visibility_});
+        if (residualOn_ || shareOn_) channels.push_back(exportNetwork());
+        return channels;
+    }
+
+    void save(ByteWriter& out) const override
+    {
+        out.array(row_), out.array(momentum_), out.array(second_), out.array(visibility_);
+        out.array(weights_.value), out.array(networkMomentum_), out.array(networkSecond_);
+        out.array(std::vector<float>(frame_, frame_ + 4));
+        out.value(int32_t(renewed_)), out.value(uint8_t(residualOn_ | shareOn_ << 1 | visibilityOn_ << 2));
+    }
+
+    bool load(ByteReader& in) override
+    {
+        in.array(row_), in.array(momentum_), in.array(second_), in.array(visibility_);
+        in.array(weights_.value), in.array(networkMomentum_), in.array(networkSecond_);
+        std::vector<float> frame;
+        in.array(frame);
+        renewed_ = in.value<int32_t>();
+        const uint8_t parts = in.value<uint8_t>();
+        residualOn_ = parts & 1, shareOn_ = parts & 2, visibilityOn_ = parts & 4;
+        const size_t n = row_.size();
+        if (in.failed || momentum_.size() != n || second_.size() != n || (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) ||
+            weights_.value.size() != kSssWeights || networkMomentum_.size() != kSssWeights || networkSecond_.size() != kSssWeights)
+            return false;
+        if (frame.size() != 4) return false;
+        std::copy_n(frame.begin(), 4, frame_);
+        weights_.transpose();
+        return true;
+    }
+
+private:
+    static bool isActive(const VisibleView& view, const uint8_t* active, size_t splat)
+    {
+        const uint32_t v = view.visibleFromSplat[splat];
+        return v != ~0u && active[v];
+    }
+
+    template <class Work>
+    void forEachBlock(const VisibleView& view, Work work)
+    {
+        const size_t blocks = (count() + kSssLanes - 1) / kSssLanes;
+        tbb::parallel_for(size_t(0), kRanges, [&](size_t range) {
+            SssBatch batch;
+            for (size_t block = blocks * range / kRanges; block < blocks * (range + 1) / kRanges; ++block) {
+                const size_t first = block * kSssLanes;
+                const int lanes = int(std::min<size_t>(kSssLanes, count() - first));
+                bool any = false;
+                for (int lane = 0; lane < lanes; ++lane) any = any || view.visibleFromSplat[first + size_t(lane)] != ~0u;
+                if (any) work(range, first, lanes, batch);
+            }
+        });
+    }
+
+    // Lanes beyond the last splat repeat it.
+    void fillFixed(const VisibleView& view, size_t first, int lanes, SssBatch& batch) const
+    {
+        for (int lane = 0; lane < kSssLanes; ++lane) {
+            const size_t splat = first + size_t(std::min(lane, lanes - 1));
+            const GaussianGeometry<float>& g = view.geometry[splat];
+            float unit[4], normal[3], in[kSssFixedInputs];
+            detail::normalizeQuaternion(g.rotation, unit);
+            unitNormal(splat, normal);
+            sssFixedInputs(g.position, g.scale, unit, normal, frame_, in);
+            for (int k = 0; k < kSssFixedInputs; ++k) batch.fixed[k][lane] = in[k];
+        }
+    }
+
+    void fillLight(const VisibleView& view, const LitView& lit, int l, size_t first, int lanes, SssBatch& batch, Incident* incident) const
+    {
+        const Light& light = lit.lights[l];
+        for (int lane = 0; lane < kSssLanes; ++lane) {
+            const size_t splat = first + size_t(std::min(lane, lanes - 1));
+            const float* p = view.geometry[splat].position;
+            const LightSample<float> toEye = samplePointLight(lit.eye, 0.0f, p);
+            const LightSample<float> s = sampleLight(light, p);
+            const float distance = light.type == LightType::kPoint ? glm::distance(light.position, glm::vec3(p[0], p[1], p[2])) : -1.0f;
+            const float visibility = visibility_.empty() ? 1.0f : mapVisibility(VisibilityMap{&visibility_[splat * kVisibilityTexels]}, s.dir);
+            float in[kSssLightInputs];
+            sssLightInputs(toEye.dir, s.dir, visibility, distance * frame_[3], in);
+            for (int k = 0; k < kSssLightInputs; ++k) batch.light[k][lane] = in[k];
+            incident[lane] = {{s.dir[0], s.dir[1], s.dir[2]}, s.falloff, visibility, distance};
+        }
+    }
+
+    void unitNormal(size_t splat, float* n) const
+    {
+        const float* raw = &row_[splat][kNormal];
+        const float length = std::sqrt(std::max(raw[0] * raw[0] + raw[1] * raw[1] + raw[2] * raw[2], 1e-20f));
+        for (int k = 0; k < 3; ++k) n[k] = raw[k] / length;
+    }
+
+    float subsurface(size_t splat) const { return residualOn_ ? logistic(row_[splat][kScatter]) : 0.0f; }
+
+    // The network's logistic function of the share has a factor of its own: with the share off it is told to answer 1.
+    Channel exportNetwork() const
+    {
+        std::vector<float> values(weights_.value.begin(), weights_.value.end());
+        if (!shareOn_) std::fill_n(values.begin() + kSssShareOut, kSssHiddenShare + 1, 0.0f);
+        values.insert(values.end(), frame_, frame_ + 4);
+        return {"network", uint32_t(kSssNetworkFloats), std::move(values), {}, true};
+    }
+
+    // Position and size of the splats, so that the network sees the same numbers whatever the units.
+    void findFrame(std::span<const GaussianGeometry<float>> geometry)
+    {
+        glm::vec3 lo(1e30f), hi(-1e30f);
+        for (const auto& g : geometry) {
+            const glm::vec3 p(g.position[0], g.position[1], g.position[2]);
+            lo = glm::min(lo, p), hi = glm::max(hi, p);
+        }
+        const glm::vec3 half = 0.5f * (hi - lo);
+        for (int k = 0; k < 3; ++k) frame_[k] = 0.5f * (lo[k] + hi[k]);
+        frame_[3] = 1.0f / std::max({half.x, half.y, half.z, 1e-6f});
+    }
+
+    void surfaceChannels(const VisibleView& view, const LitView& lit, size_t splat, float* out) const
+    {
+        const Row& r = row_[splat];
+        const float* p = view.geometry[splat].position;
+        unitNormal(splat, out + kSssNormal);
+        for (int c = 0; c < 3; ++c) out[kSssBase + c] = logistic(r[size_t(kBase + c)]);
+        out[kSssRoughness] = logistic(r[kRough]), out[kSssMetalness] = logistic(r[kMetal]), out[kSssSubsurface] = subsurface(splat);
+        const float d[3] = {p[0] - lit.eye[0], p[1] - lit.eye[1], p[2] - lit.eye[2]};
+        out[kSssDepth] = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    }
+
+    void stepRow(size_t splat, const float* d, float dScatter, const AdamRate& adam)
+    {
+        Row& r = row_[splat];
+        float gradient[kRowFloats], normal[3], along = 0;
+        const auto through = [](float raw) { const float y = logistic(raw); return y * (1 - y); };
+        for (int c = 0; c < 3; ++c) gradient[kBase + c] = d[kSssBase + c] * through(r[size_t(kBase + c)]);
+        gradient[kRough] = d[kSssRoughness] * through(r[kRough]), gradient[kMetal] = d[kSssMetalness] * through(r[kMetal]);
+        gradient[kScatter] = residualOn_ ? (d[kSssSubsurface] + dScatter + kScatterPull / float(count())) * through(r[kScatter]) : 0.0f;
+        unitNormal(splat, normal);
+        for (int k = 0; k < 3; ++k) along += d[kSssNormal + k] * normal[k];
+        for (int k = 0; k < 3; ++k) gradient[kNormal + k] = d[kSssNormal + k] - along * normal[k];
+        for (size_t k = 0; k < kRowFloats; ++k) {
+            AdamRate own = adam;
+            own.rate *= kRate[k];
+            r[k] -= own.step(gradient[k], momentum_[splat][k], second_[splat][k]);
+        }
+        for (size_t k = 0; k < kNormal; ++k) r[k] = std::clamp(r[k], -7.0f, 7.0f); // a logistic beyond that has no slope left
+    }
+
+    void stepNetwork(const AdamRate& adam)
+    {
+        AdamRate own = adam;
+        own.rate *= kNetworkRate;
+        for (size_t k = 0; k < kSssWeights; ++k) {
+            float sum = 0;
+            for (size_t range = 0; range < kRanges; ++range) sum += dWeights_[range * kSssWeights + k];
+            weights_.value[k] -= own.step(sum, networkMomentum_[k], networkSecond_[k]);
+        }
+        weights_.transpose();
+    }
+
+    // The short axis, on the side that more light reaches (after the first renewal), else on the side away from the middle of all.
+    void findNormals(std::span<const GaussianGeometry<float>> geometry)
+    {
+        glm::vec3 center(0);
+        for (const auto& g : geometry) center += glm::vec3(g.position[0], g.position[1], g.position[2]) / float(geometry.size());
+        std::vector<glm::vec3> outside(geometry.size());
+        for (size_t i = 0; i < outside.size(); ++i) {
+            const auto& g = geometry[i];
+            outside[i] = visibility_.empty() ? glm::vec3(g.position[0], g.position[1], g.position[2]) - center : openSide(i);
+        }
+        const std::vector<glm::vec3> normals = splatNormals(geometry, outside);
+        for (size_t i = 0; i < normals.size(); ++i)
+            for (int k = 0; k < 3; ++k) row_[i][size_t(kNormal + k)] = normals[i][k];
+    }
+
+    // Mean of all directions weighted by visibility.
+    glm::vec3 openSide(size_t splat) const
+    {
+        glm::vec3 sum(0);
+        for (int axis = 0; axis < 6; ++axis)
+            for (float tilt : {-0.6f, 0.0f, 0.6f}) {
+                glm::vec3 w(tilt, tilt, tilt);
+                w[axis / 2] = axis % 2 ? 1.0f : -1.0f;
+                w = glm::normalize(w);
+                sum += mapVisibility(VisibilityMap{&visibility_[splat * kVisibilityTexels]}, &w.x) * w;
+            }
+        return sum;
+    }
+
+    std::vector<Row> row_, momentum_, second_;
+    std::vector<uint8_t> visibility_;
+    float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
+    bool residualOn_ = true, shareOn_ = true, visibilityOn_ = true;
+    SssWeights weights_;
+    std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;
+    int renewed_ = 0;
+    float rate_ = 1, correction1_ = 1, correction2_ = 1;
+};
+
+} // namespace
+
+std::unique_ptr<TrainableAppearance> makeSssModel(const AppearanceOptions& options) { return std::make_unique<SssModel>(options); }
+
+} // namespace nacre

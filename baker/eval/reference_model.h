@@ -1,0 +1,30 @@
+// What the reference renderer asks of an appearance model: numbers per splat that are blended like colours, and what a pixel makes of them.
+// One implementation per model; the scalar math is that of formats/appearance.
+#pragma once
+
+#include "appearance/sss/sss_edit.h"
+#include "base/light.h"
+#include "base/result.h"
+#include "splats/splat_asset.h"
+
+#include <memory>
+#include <span>
+
+namespace nacre {
+
+class ReferenceModel {
+public:
+    virtual ~ReferenceModel() = default;
+    virtual int channels(size_t lights) const = 0;
+    /// Writes channels() numbers of one splat.
+    virtual void shade(size_t splat, const float* eye, std::span<const Light> lights, float* channels) const = 0;
+    /// From blended channels (premultiplied) to the pixel's premultiplied radiance. ray: unit, from the eye through the pixel.
+    virtual void resolve(const float* blended, float alpha, const float* eye, const float* ray, std::span<const Light> lights, float* rgb) const = 0;
+    virtual float opacity(size_t splat) const = 0;
+    virtual Status setEdits(std::span<const SplatEdit> edits) = 0;
+};
+
+/// `asset` must outlive the model. Null if there is none of this name.
+std::unique_ptr<ReferenceModel> makeReferenceModel(const SplatAsset& asset);
+
+} // namespace nacre

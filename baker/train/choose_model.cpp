@@ -1,0 +1,65 @@
+#include "train/choose_model.h"
+
+#include "appearance/model_table.h"
+
+#include <algorithm>
+
+namespace nacre {
+
+constexpr double kTrialShare = 0.08;  // of the bake, for each model
+constexpr int kLeastTrialSteps = 300; // less says nothing
+constexpr uint32_t kJudgeEvery = 8;   // cameras
+
+/// Train images of every eighth camera become the test split, which a bake tracks.
+static OlatDataset withJudges(const OlatDataset& dataset)
+{
+    OlatDataset out = dataset;
+    std::erase_if(out.splits, [](const OlatSplit& s) { return s.name != "train"; });
+    OlatSplit& train = out.splits[0];
+    OlatSplit judges = train;
+    judges.name = "test";
+    const auto judge = [](const OlatImage& image) { return image.camera % kJudgeEvery == kJudgeEvery - 1; };
+    std::erase_if(judges.images, [&](const OlatImage& image) { return !judge(image); });
+    std::erase_if(train.images, judge);
+    out.splits.push_back(std::move(judges));
+    return out;
+}
+
+Result<std::vector<ModelTrial>> tryModels(const OlatDataset& dataset, const BakeOptions& options,
+                                          const std::function<void(const BakeProgress&)>& progress, const std::atomic<bool>* cancel)
+{
+    const OlatSplit* train = dataset.find("train");
+    if (!train) return Error{ErrorCode::kBadInput, dataset.path + ": no 'train' split (expected transforms_train.json)"};
+    const OlatDataset judged = withJudges(dataset);
+    if (judged.find("test")->images.empty())
+        return Error{ErrorCode::kBadInput, dataset.path + ": --model auto needs at least " + std::to_string(kJudgeEvery) + " train cameras, to judge by; name a model"};
+    std::vector<ModelTrial> trials;
+    for (const AppearanceModel& model : appearanceModels()) {
+        BakeOptions trial = options;
+        trial.model = model.name;
+        trial.checkpointPath.clear();
+        trial.resume = false;
+        trial.trackHeldOut = true;
+        if (trial.iterations > 0 || trial.minutes <= 0) trial.iterations = std::max(kLeastTrialSteps, int(kTrialShare * (options.iterations > 0 ? options.iterations : 15000)));
+        else trial.minutes *= kTrialShare;
+        auto result = bake(judged, trial, [&](const BakeProgress& p) {
+            BakeProgress named = p;
+            named.stage = std::string("trial of ") + model.name + ", " + p.stage;
+            progress(named);
+        }, cancel);
+        if (!result) return result.error();
+        trials.push_back({model.name, result->history.empty() ? 0.0 : result->history.back().psnrMaskedTest});
+    }
+    std::stable_sort(trials.begin(), trials.end(), [](const ModelTrial& a, const ModelTrial& b) { return a.psnrMasked > b.psnrMasked; });
+    return trials;
+}
+
+BakeOptions restOf(BakeOptions options)
+{
+    const double share = 1.0 - kTrialShare * double(appearanceModels().size());
+    if (options.iterations > 0) options.iterations = std::max(1, int(share * options.iterations));
+    else if (options.minutes > 0) options.minutes *= share;
+    return options;
+}
+
+} // namespace nacre

@@ -1,0 +1,139 @@
+// sss: deferred PBR with a learned subsurface term (SSS-GS, eq. 4 to 8). The scalar reference of what a pixel shades. Host and device.
+//
+//   L = sum_t ( S_t + alpha * E_t * (1 - s) * V_t * f(w_t, w_o) * max(n.w_t, 0) )
+//
+// Splats are blended into a G-buffer first: base colour, roughness, metalness, normal, subsurfaceness s and depth once per view, and per
+// light the incident share V_t and the scattered light S_t, the sum of what the network gives each Gaussian (s_i E_i R_i). All but S_t are
+// divided by the accumulated alpha before they mean anything; E_t is the irradiance of light t at the pixel's surface point (intensity /
+// distance^2).
+// f is GGX with alpha = roughness^2, Schlick's Fresnel term, Smith-Schlick masking with k = (roughness + 1)^2 / 8 and a diffuse part
+// (1 - F)(1 - metalness) base / pi. Linear in light: V_t and R_t are ratios that do not know the light's intensity.
+#pragma once
+
+#include "base/host_device.h"
+
+#include <cmath>
+
+namespace nacre {
+
+constexpr float kSssMinRoughness = 0.04f;  // GGX peaks at 1 / (pi r^4): 1.2e5 here, finite in half floats after E * NL of order one
+constexpr float kSssDielectricF0 = 0.04f;
+constexpr float kSssMinAlpha = 1e-3f;      // a pixel fainter than this shows nothing
+constexpr float kSssMinLength = 1e-4f;     // blended normals shorter than this have cancelled: there is no direction to shade
+
+/// What a pixel's surface is, after division by alpha.
+template <class T>
+struct SssSurface {
+    T base[3];     // [0, 1]
+    T roughness;   // [0, 1]
+    T metalness;   // [0, 1]
+    T normal[3];   // unit
+};
+
+/// Intermediate values of sssReflect, for its gradient.
+template <class T>
+struct SssReflection {
+    T nl, nv, nh, vh, halfLength, half[3]; // cosines, clamped at 0; length and direction of w_i + w_o (0 if there is none)
+    T r, k, a2, q, d, gl, gv, vis, p;
+    T f0[3], fresnel[3];
+    T value[3];                            // f * nl
+};
+
+/// Reflected radiance per unit irradiance across the light's direction: f(w_i, w_o) * max(n.w_i, 0), per channel. Unit directions, away
+/// from the surface.
+template <class T>
+NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo, const T* wi)
+{
+    const T zero = T(0), one = T(1);
+    const auto atLeast0 = [&](T x) { return x > zero ? x : zero; };
+    SssReflection<T> o{};
+    T length2 = zero, nh = zero, vh = zero, nl = zero, nv = zero;
+    for (int c = 0; c < 3; ++c) {
+        o.half[c] = wi[c] + wo[c], length2 += o.half[c] * o.half[c];
+        nl += s.normal[c] * wi[c], nv += s.normal[c] * wo[c];
+    }
+    o.halfLength = length2 > T(1e-12) ? std::sqrt(length2) : zero;
+    for (int c = 0; c < 3; ++c) {
+        o.half[c] = o.halfLength > zero ? o.half[c] / o.halfLength : zero;
+        nh += s.normal[c] * o.half[c], vh += wo[c] * o.half[c];
+    }
+    o.nl = atLeast0(nl), o.nv = atLeast0(nv), o.nh = nh > one ? one : atLeast0(nh), o.vh = vh > one ? one : atLeast0(vh);
+    o.r = s.roughness > T(kSssMinRoughness) ? (s.roughness < one ? s.roughness : one) : T(kSssMinRoughness);
+    o.a2 = o.r * o.r * o.r * o.r, o.k = (o.r + one) * (o.r + one) / T(8);
+    o.q = (one - o.nh * o.nh) + o.nh * o.nh * o.a2;
+    o.d = o.halfLength > zero ? o.a2 / (T(3.14159265358979) * o.q * o.q) : zero;
+    o.gl = o.nl * (one - o.k) + o.k, o.gv = o.nv * (one - o.k) + o.k;
+    o.vis = one / (T(4) * o.gl * o.gv);
+    const T m = one - o.vh;
+    o.p = m * m * m * m * m;
+    for (int c = 0; c < 3; ++c) {
+        o.f0[c] = T(kSssDielectricF0) * (one - s.metalness) + s.base[c] * s.metalness;
+        o.fresnel[c] = o.f0[c] + (one - o.f0[c]) * o.p;
+        const T diffuse = (one - o.fresnel[c]) * (one - s.metalness) * s.base[c] / T(3.14159265358979);
+        o.value[c] = (diffuse + o.d * o.vis * o.fresnel[c]) * o.nl;
+    }
+    return o;
+}
+
+/// The surface point of a pixel as a point light sees it.
+template <class T>
+struct SssLightAt {
+    T wi[3];
+    T falloff, distance2; // 1 / max(distance^2, radius^2)
+};
+
+/// At zero distance the direction is +Z: any unit vector is as good.
+template <class T>
+NACRE_HD inline SssLightAt<T> sssPointLightAt(const T* light, T radius, const T* point)
+{
+    SssLightAt<T> o{};
+    T d[3];
+    for (int c = 0; c < 3; ++c) d[c] = light[c] - point[c], o.distance2 += d[c] * d[c];
+    const T inv = o.distance2 > T(1e-20) ? T(1) / std::sqrt(o.distance2) : T(0);
+    for (int c = 0; c < 3; ++c) o.wi[c] = inv > T(0) ? d[c] * inv : T(c == 2);
+    o.falloff = T(1) / (o.distance2 > radius * radius ? o.distance2 : radius * radius);
+    return o;
+}
+
+// Channels of the G-buffer, blended like colours (not yet divided by alpha).
+constexpr int kSssNormal = 0, kSssBase = 3, kSssRoughness = 6, kSssMetalness = 7, kSssSubsurface = 8, kSssDepth = 9, kSssSurfaceChannels = 10;
+// And per light: visibility * share of the network, and subsurfaceness * residual * irradiance of each Gaussian (rgb). Residual light is
+// added up Gaussian by Gaussian, not as a product of two means.
+constexpr int kSssIncident = 0, kSssScattered = 1, kSssLightChannels = 4;
+
+/// A pixel's surface, once per view.
+template <class T>
+struct SssPixel {
+    SssSurface<T> surface;
+    T inverseAlpha, normalLength, direct; // direct: 1 - subsurfaceness
+    T wo[3], point[3];
+    bool shaded;                          // false: too faint, or its normals cancel; only scattered light is seen
+};
+
+/// `g`: the surface channels; the point at depth t is eye + t * ray.
+template <class T>
+NACRE_HD inline SssPixel<T> sssPixel(const T* g, T alpha, const T* eye, const T* ray)
+{
+    SssPixel<T> o{};
+    o.inverseAlpha = alpha > T(kSssMinAlpha) ? T(1) / alpha : T(0);
+    o.normalLength = std::sqrt(g[kSssNormal] * g[kSssNormal] + g[kSssNormal + 1] * g[kSssNormal + 1] + g[kSssNormal + 2] * g[kSssNormal + 2]);
+    o.shaded = o.normalLength * o.inverseAlpha > T(kSssMinLength);
+    if (!o.shaded) return o;
+    const T length = std::sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]), depth = g[kSssDepth] * o.inverseAlpha;
+    for (int c = 0; c < 3; ++c) {
+        o.surface.normal[c] = g[kSssNormal + c] / o.normalLength, o.surface.base[c] = g[kSssBase + c] * o.inverseAlpha;
+        o.wo[c] = -ray[c] / length, o.point[c] = eye[c] + depth * ray[c];
+    }
+    o.surface.roughness = g[kSssRoughness] * o.inverseAlpha, o.surface.metalness = g[kSssMetalness] * o.inverseAlpha;
+    o.direct = T(1) - g[kSssSubsurface] * o.inverseAlpha;
+    return o;
+}
+
+/// Radiance of one light times alpha, one channel: what the image shows. `irradiance`: intensity * falloff; reflected: sssReflect.
+template <class T>
+NACRE_HD inline T sssRadiance(const SssPixel<T>& pixel, const T* light, T irradiance, T reflected, int c)
+{
+    return light[kSssScattered + c] + (pixel.shaded ? pixel.direct * light[kSssIncident] * irradiance * reflected : T(0));
+}
+
+} // namespace nacre

@@ -1,0 +1,399 @@
+// The shading of a pixel of the sss model: energy, reciprocity, limits, and its gradient against finite differences in float64.
+#include "appearance/sss/sss_backward.h"
+#include "appearance/sss/sss_network_backward.h"
+#include "appearance/sss/sss_network_simd.h"
+#include "base/fibonacci_sphere.h"
+#include "splat/random.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <vector>
+#include <glm/glm.hpp>
+
+using namespace nacre;
+
+namespace {
+
+struct Case {
+    SssSurface<double> surface;
+    double wo[3], wi[3], weights[3];
+};
+
+glm::dvec3 direction(Random& random)
+{
+    const double z = 2 * random.uniform() - 1, phi = 6.283185307179586 * random.uniform();
+    return {std::sqrt(1 - z * z) * std::cos(phi), std::sqrt(1 - z * z) * std::sin(phi), z};
+}
+
+Case randomCase(Random& random)
+{
+    Case x{};
+    for (int c = 0; c < 3; ++c) x.surface.base[c] = random.uniform(), x.weights[c] = 2 * random.uniform() - 1;
+    x.surface.roughness = 0.1 + 0.85 * random.uniform(), x.surface.metalness = random.uniform();
+    const glm::dvec3 n = direction(random), o = direction(random), i = direction(random);
+    for (int c = 0; c < 3; ++c) x.surface.normal[c] = n[c], x.wo[c] = o[c], x.wi[c] = i[c];
+    return x;
+}
+
+double weighted(const Case& x)
+{
+    const SssReflection<double> o = sssReflect(x.surface, x.wo, x.wi);
+    double sum = 0;
+    for (int c = 0; c < 3; ++c) sum += x.weights[c] * o.value[c];
+    return sum;
+}
+
+SssSurface<double> surfaceUp(double roughness, double metalness, double base)
+{
+    return {{base, base, base}, roughness, metalness, {0, 0, 1}};
+}
+
+} // namespace
+
+TEST_CASE("sss: the gradient of a pixel's reflection is that of finite differences")
+{
+    Random random(21);
+    int lit = 0;
+    for (int trial = 0; trial < 400; ++trial) {
+        const Case x = randomCase(random);
+        const SssReflection<double> o = sssReflect(x.surface, x.wo, x.wi);
+        if (o.nl < 1e-3 || (o.nv > 0 && o.nv < 1e-3)) continue; // not across a clamp
+        ++lit;
+        SssReflectGradient<double> d;
+        sssReflectBackward(x.surface, x.wo, x.wi, o, x.weights, d);
+        const auto check = [&](double analytic, const std::function<double&(Case&)>& at) {
+            Case hi = x, lo = x;
+            const double step = 1e-6;
+            at(hi) += step, at(lo) -= step;
+            const double numeric = (weighted(hi) - weighted(lo)) / (2 * step);
+            CHECK(std::abs(analytic - numeric) < 1e-5 * (1 + std::abs(numeric)));
+        };
+        check(d.roughness, [](Case& c) -> double& { return c.surface.roughness; });
+        check(d.metalness, [](Case& c) -> double& { return c.surface.metalness; });
+        for (int k = 0; k < 3; ++k) {
+            check(d.base[k], [k](Case& c) -> double& { return c.surface.base[k]; });
+            check(d.normal[k], [k](Case& c) -> double& { return c.surface.normal[k]; });
+            check(d.wo[k], [k](Case& c) -> double& { return c.wo[k]; });
+            check(d.wi[k], [k](Case& c) -> double& { return c.wi[k]; });
+        }
+    }
+    CHECK(lit > 100);
+}
+
+TEST_CASE("sss: the gradient through a pixel's point is that of finite differences")
+{
+    Random random(22);
+    for (int trial = 0; trial < 100; ++trial) {
+        const glm::dvec3 light = 2.0 * direction(random), weight = direction(random);
+        glm::dvec3 point = direction(random);
+        const double radius = trial % 3 ? 0.1 : 10.0, dFalloff = random.uniform(); // 10: the radius caps the falloff
+        const auto value = [&] {
+            const SssLightAt<double> o = sssPointLightAt(&light.x, radius, &point.x);
+            return glm::dot(weight, glm::dvec3(o.wi[0], o.wi[1], o.wi[2])) + dFalloff * o.falloff;
+        };
+        double d[3] = {};
+        sssPointLightBackward(sssPointLightAt(&light.x, radius, &point.x), radius, &weight.x, dFalloff, d);
+        for (int k = 0; k < 3; ++k) {
+            const double was = point[k], step = 1e-6;
+            point[k] = was + step;
+            const double hi = value();
+            point[k] = was - step;
+            const double lo = value();
+            point[k] = was;
+            CHECK(std::abs(d[k] - (hi - lo) / (2 * step)) < 1e-6 * (1 + std::abs(d[k])));
+        }
+    }
+}
+
+TEST_CASE("sss: a white surface reflects no more than it gets, and without Fresnel and gloss exactly base/pi")
+{
+    const int count = 20000;
+    for (double roughness : {0.2, 0.5, 1.0})
+        for (double metalness : {0.0, 1.0})
+            for (double cosine : {1.0, 0.5, 0.1}) {
+                const double wi[3] = {std::sqrt(1 - cosine * cosine), 0, cosine};
+                double albedo = 0;
+                for (int i = 0; i < count; ++i) {
+                    const glm::dvec3 wo(fibonacciDirection(i, count));
+                    if (wo.z <= 0) continue;
+                    // value is f cos(theta_i): per unit irradiance across w_i; to a ratio of fluxes, integrate f cos(theta_o)
+                    albedo += sssReflect(surfaceUp(roughness, metalness, 1.0), &wo.x, wi).value[0] / cosine * wo.z * 4 * 3.14159265358979 / count;
+                }
+                CAPTURE(roughness);
+                CAPTURE(metalness);
+                CAPTURE(cosine);
+                CHECK(albedo < 1.03); // a dielectric at grazing light: (1 - F) of the diffuse part looks at the half vector, not at the normal
+                CHECK(albedo > 0.15); // a metal at grazing light: one bounce, and k of the paper masks more than GGX does
+            }
+    const double up[3] = {0, 0, 1};
+    SssSurface<double> matte = surfaceUp(1.0, 0.0, 0.5);
+    CHECK(std::abs(sssReflect(matte, up, up).value[0] - 0.5 * 0.96 / 3.14159265358979 - 0.04 / (4 * 3.14159265358979)) < 1e-9);
+}
+
+TEST_CASE("sss: reflection is reciprocal")
+{
+    Random random(23);
+    for (int trial = 0; trial < 200; ++trial) {
+        const Case x = randomCase(random);
+        const SssReflection<double> there = sssReflect(x.surface, x.wo, x.wi), back = sssReflect(x.surface, x.wi, x.wo);
+        if (there.nl <= 0 || back.nl <= 0) continue;
+        for (int c = 0; c < 3; ++c) CHECK(std::abs(there.value[c] / there.nl - back.value[c] / back.nl) < 1e-9 * (1 + std::abs(there.value[c] / there.nl)));
+    }
+}
+
+TEST_CASE("sss: roughness and metalness at both ends, grazing and opposite directions, in float: finite, never negative")
+{
+    Random random(24);
+    for (int trial = 0; trial < 2000; ++trial) {
+        SssSurface<float> s{};
+        for (float& b : s.base) b = trial % 2 ? 1.0f : 0.0f;
+        s.roughness = trial % 3 ? 0.0f : 1.0f, s.metalness = trial % 5 ? 0.0f : 1.0f;
+        const glm::vec3 n(direction(random));
+        glm::vec3 wo(direction(random)), wi(direction(random));
+        if (trial % 4 == 0) wo = n, wi = n;                                            // the peak
+        if (trial % 4 == 1) wi = -wo;                                                  // no half vector
+        if (trial % 4 == 2) wi = glm::normalize(wi - glm::dot(wi, n) * n + 1e-6f * n); // grazing
+        for (int c = 0; c < 3; ++c) s.normal[c] = n[c];
+        const SssReflection<float> o = sssReflect(s, &wo.x, &wi.x);
+        const float ones[3] = {1, 1, 1};
+        SssReflectGradient<float> d;
+        sssReflectBackward(s, &wo.x, &wi.x, o, ones, d);
+        for (int c = 0; c < 3; ++c) {
+            CHECK(std::isfinite(o.value[c]));
+            CHECK(o.value[c] >= 0);
+            for (float g : {d.base[c], d.normal[c], d.wi[c], d.wo[c], d.roughness, d.metalness}) CHECK(std::isfinite(g));
+        }
+    }
+}
+
+namespace {
+
+struct PixelCase {
+    double g[kSssSurfaceChannels], alpha, eye[3], ray[3], channels[2][kSssLightChannels], light[2][3], intensity[2][3], weight[2][3];
+};
+
+PixelCase randomPixel(Random& random)
+{
+    PixelCase x{};
+    const auto u = [&] { return double(random.uniform()); };
+    x.alpha = 0.3 + 0.7 * u();
+    const glm::dvec3 n = direction(random), eye = 3.0 * (n + 0.5 * direction(random));
+    for (int c = 0; c < 3; ++c) x.g[kSssNormal + c] = 0.8 * x.alpha * n[c], x.g[kSssBase + c] = x.alpha * u(), x.eye[c] = eye[c], x.ray[c] = -eye[c] / 3 + 0.1 * u();
+    x.g[kSssRoughness] = x.alpha * (0.2 + 0.7 * u()), x.g[kSssMetalness] = x.alpha * u(), x.g[kSssSubsurface] = x.alpha * u(), x.g[kSssDepth] = x.alpha * (2.8 + 0.2 * u());
+    for (int l = 0; l < 2; ++l) {
+        const glm::dvec3 light = 2.5 * (n + 0.6 * direction(random));
+        for (int c = 0; c < 3; ++c) x.light[l][c] = light[c], x.intensity[l][c] = 5 * u(), x.weight[l][c] = 2 * u() - 1;
+        for (double& k : x.channels[l]) k = u();
+    }
+    return x;
+}
+
+double shown(const PixelCase& x) // weighted sum over lights and channels
+{
+    const SssPixel<double> pixel = sssPixel(x.g, x.alpha, x.eye, x.ray);
+    double sum = 0;
+    for (int l = 0; l < 2; ++l) {
+        const SssLightAt<double> at = sssPointLightAt(x.light[l], 0.01, pixel.point);
+        const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.wi);
+        for (int c = 0; c < 3; ++c) sum += x.weight[l][c] * sssRadiance(pixel, x.channels[l], x.intensity[l][c] * at.falloff, o.value[c], c);
+    }
+    return sum;
+}
+
+} // namespace
+
+TEST_CASE("sss: the gradient of a pixel with respect to all its channels is that of finite differences")
+{
+    Random random(25);
+    for (int trial = 0; trial < 100; ++trial) {
+        PixelCase x = randomPixel(random);
+        const SssPixel<double> pixel = sssPixel(x.g, x.alpha, x.eye, x.ray);
+        REQUIRE(pixel.shaded);
+        SssPixelGradient<double> d;
+        double dLight[2][kSssLightChannels], dG[kSssSurfaceChannels], dAlpha;
+        for (int l = 0; l < 2; ++l) {
+            const SssLightAt<double> at = sssPointLightAt(x.light[l], 0.01, pixel.point);
+            sssPixelLightBackward(pixel, x.channels[l], at, 0.01, x.intensity[l], sssReflect(pixel.surface, pixel.wo, at.wi), x.weight[l], dLight[l], d);
+        }
+        sssPixelBackward(pixel, x.g, x.ray, d, dG, &dAlpha);
+        const auto check = [&](double& at, double analytic) {
+            const double was = at, step = 1e-6;
+            at = was + step;
+            const double hi = shown(x);
+            at = was - step;
+            const double lo = shown(x);
+            at = was;
+            CHECK(std::abs(analytic - (hi - lo) / (2 * step)) < 1e-5 * (1 + std::abs(analytic)));
+        };
+        for (int k = 0; k < kSssSurfaceChannels; ++k) check(x.g[k], dG[k]);
+        check(x.alpha, dAlpha);
+        for (int l = 0; l < 2; ++l)
+            for (int k = 0; k < kSssLightChannels; ++k) check(x.channels[l][k], dLight[l][k]);
+    }
+}
+
+TEST_CASE("sss: a pixel of no alpha, or whose normals cancel, shows scattered light only; gradients stay finite")
+{
+    Random random(26);
+    for (float alpha : {0.0f, 1e-30f, 1e-4f, 1.0f}) {
+        float g[kSssSurfaceChannels] = {1e-6f * alpha, 0, 0, alpha, alpha, alpha, alpha, alpha, 0, 3 * alpha};
+        const float eye[3] = {0, 0, 3}, ray[3] = {0, 0, -1}, light[kSssLightChannels] = {1, 0.1f, 0.2f, 0.3f}, intensity[3] = {1, 1, 1};
+        const SssPixel<float> pixel = sssPixel(g, alpha, eye, ray);
+        CHECK(!pixel.shaded);
+        CHECK(sssRadiance(pixel, light, 1.0f, 1e30f, 1) == 0.2f);
+        const SssLightAt<float> at = sssPointLightAt(eye, 0.01f, pixel.point);
+        SssPixelGradient<float> d;
+        float dLight[kSssLightChannels], dG[kSssSurfaceChannels], dAlpha;
+        sssPixelLightBackward(pixel, light, at, 0.01f, intensity, sssReflect(pixel.surface, pixel.wo, at.wi), intensity, dLight, d);
+        sssPixelBackward(pixel, g, ray, d, dG, &dAlpha);
+        for (float x : dG) CHECK(x == 0.0f);
+        CHECK(dAlpha == 0.0f);
+        CHECK(dLight[kSssScattered] == 1.0f);
+    }
+}
+
+namespace {
+
+std::vector<double> randomWeights(Random& random)
+{
+    std::vector<double> w(kSssWeights);
+    for (double& x : w) x = 0.5 * (2 * random.uniform() - 1);
+    return w;
+}
+
+struct Inputs {
+    double fixed[kSssFixedInputs], light[kSssLightInputs];
+};
+
+Inputs randomInputs(Random& random)
+{
+    Inputs in{};
+    for (double& x : in.fixed) x = 2 * random.uniform() - 1;
+    for (double& x : in.light) x = 2 * random.uniform() - 1;
+    return in;
+}
+
+} // namespace
+
+TEST_CASE("sss: the gradient of the network is that of finite differences, for weights and inputs")
+{
+    Random random(31);
+    std::vector<double> w = randomWeights(random);
+    Inputs in = randomInputs(random);
+    const double dResidual[3] = {0.3, -0.7, 0.5}, dShare = 0.9;
+    const auto value = [&] {
+        double first[kSssHidden1];
+        sssNetworkFixed(w.data(), in.fixed, first);
+        const SssActivations<double> a = sssNetworkLight(w.data(), first, in.light);
+        return dResidual[0] * a.residual[0] + dResidual[1] * a.residual[1] + dResidual[2] * a.residual[2] + dShare * a.share;
+    };
+    std::vector<double> dW(kSssWeights);
+    double first[kSssHidden1], dFirst[kSssHidden1] = {}, dLight[kSssLightInputs] = {}, dFixed[kSssFixedInputs] = {};
+    sssNetworkFixed(w.data(), in.fixed, first);
+    sssNetworkLightBackward(w.data(), first, in.light, sssNetworkLight(w.data(), first, in.light), dResidual, dShare, dW.data(), dFirst, dLight);
+    sssNetworkFixedBackward(w.data(), in.fixed, dFirst, dW.data(), dFixed);
+    const auto check = [&](double& x, double analytic) {
+        const double was = x, step = 1e-6;
+        x = was + step;
+        const double hi = value();
+        x = was - step;
+        const double lo = value();
+        x = was;
+        CHECK(std::abs(analytic - (hi - lo) / (2 * step)) < 1e-7 * (1 + std::abs(analytic)));
+    };
+    for (size_t k = 0; k < kSssWeights; ++k) check(w[k], dW[k]);
+    for (int k = 0; k < kSssFixedInputs; ++k) check(in.fixed[k], dFixed[k]);
+    for (int k = 0; k < kSssLightInputs; ++k) check(in.light[k], dLight[k]);
+}
+
+TEST_CASE("sss: the network stays bounded and smooth far outside what it has seen")
+{
+    Random random(32);
+    const std::vector<double> w = randomWeights(random);
+    std::vector<float> single(w.begin(), w.end());
+    for (double scale : {0.0, 1.0, 1e3, 1e10}) {
+        Inputs in = randomInputs(random);
+        float first[kSssHidden1], fixed[kSssFixedInputs], light[kSssLightInputs];
+        for (int k = 0; k < kSssFixedInputs; ++k) fixed[k] = float(scale * in.fixed[k]);
+        for (int k = 0; k < kSssLightInputs; ++k) light[k] = float(scale * in.light[k]);
+        sssNetworkFixed(single.data(), fixed, first);
+        const SssActivations<float> a = sssNetworkLight(single.data(), first, light);
+        for (float r : a.residual) CHECK((r >= 0 && r <= 1));
+        CHECK((a.share >= 0 && a.share <= 2));
+    }
+    // What is known of a splat and of a light: positions and distances may be anything, the inputs never are.
+    for (float far : {0.0f, 1.0f, 1e6f, 1e30f}) {
+        const float position[3] = {far, -far, 0.5f * far}, unit[4] = {1, 0, 0, 0}, scale[3] = {far, 1e-9f, 0.1f}, normal[3] = {0, 0, 1}, frame[4] = {0.1f, 0, 0, 2};
+        float fixed[kSssFixedInputs], light[kSssLightInputs];
+        sssFixedInputs(position, scale, unit, normal, frame, fixed);
+        sssLightInputs(normal, normal, 0.5f, far, light);
+        for (float x : fixed) CHECK(std::abs(x) <= 1.0f);
+        for (float x : light) CHECK(std::abs(x) <= 1.0f);
+    }
+}
+
+TEST_CASE("sss: a network of zeros lets light in as visibility says, and adds a residual that its bias sets")
+{
+    const std::vector<double> w(kSssWeights);
+    double first[kSssHidden1];
+    const Inputs in{};
+    sssNetworkFixed(w.data(), in.fixed, first);
+    const SssActivations<double> a = sssNetworkLight(w.data(), first, in.light);
+    CHECK(a.share == 1.0);
+    CHECK(a.residual[1] == 0.5);
+}
+
+TEST_CASE("sss: sixteen Gaussians at once give what each gives alone, and the sum of their gradients")
+{
+    Random random(33);
+    const std::vector<double> w = randomWeights(random);
+    SssWeights weights;
+    for (size_t k = 0; k < w.size(); ++k) weights.value[k] = float(w[k]);
+    weights.transpose();
+    auto batch = std::make_unique<SssBatch>();
+    std::vector<Inputs> in;
+    for (int lane = 0; lane < kSssLanes; ++lane) {
+        in.push_back(randomInputs(random));
+        for (int k = 0; k < kSssFixedInputs; ++k) batch->fixed[k][lane] = float(in.back().fixed[k]);
+    }
+    sssBatchFixed(weights, *batch);
+    std::memset(batch->dFirst, 0, sizeof batch->dFirst);
+    std::vector<double> want(kSssWeights), dFirst(size_t(kSssLanes * kSssHidden1));
+    std::vector<float> got(kSssWeights);
+    for (int light = 0; light < 3; ++light) {
+        for (int lane = 0; lane < kSssLanes; ++lane) {
+            Inputs& x = in[size_t(lane)];
+            for (int k = 0; k < kSssLightInputs; ++k) batch->light[k][lane] = float(x.light[k] = 2 * random.uniform() - 1);
+            for (int c = 0; c < 3; ++c) batch->dResidual[c][lane] = lane == 5 ? 0.0f : 2 * random.uniform() - 1;
+            batch->dShare[lane] = lane == 5 ? 0.0f : 2 * random.uniform() - 1;
+        }
+        sssBatchLight(weights, *batch);
+        for (int lane = 0; lane < kSssLanes; ++lane) {
+            const Inputs& x = in[size_t(lane)];
+            double first[kSssHidden1], dLight[kSssLightInputs] = {}, dResidual[3];
+            sssNetworkFixed(w.data(), x.fixed, first);
+            const SssActivations<double> a = sssNetworkLight(w.data(), first, x.light);
+            for (int c = 0; c < 3; ++c) {
+                CHECK(std::abs(batch->residual[c][lane] - a.residual[c]) < 2e-5);
+                dResidual[c] = batch->dResidual[c][lane];
+            }
+            CHECK(std::abs(batch->share[lane] - a.share) < 2e-5);
+            sssNetworkLightBackward(w.data(), first, x.light, a, dResidual, double(batch->dShare[lane]), want.data(), &dFirst[size_t(lane * kSssHidden1)], dLight);
+        }
+        sssBatchLightBackward(weights, *batch, got.data());
+    }
+    sssBatchFixedBackward(*batch, got.data());
+    for (int lane = 0; lane < kSssLanes; ++lane) {
+        double dFixed[kSssFixedInputs] = {};
+        sssNetworkFixedBackward(w.data(), in[size_t(lane)].fixed, &dFirst[size_t(lane * kSssHidden1)], want.data(), dFixed);
+    }
+    double largest = 0;
+    for (double x : want) largest = std::max(largest, std::abs(x));
+    for (size_t k = 0; k < want.size(); ++k) CHECK(std::abs(got[k] - want[k]) < 1e-4 * largest);
+    CHECK(largest > 0.1);
+    for (int k = 0; k < kSssHidden1; ++k) CHECK(batch->dFirst[k][5] == 0.0f);
+}
