@@ -55,7 +55,10 @@ static Json historyJson(const std::vector<HistoryPoint>& history)
 {
     Json out = Json::array();
     for (const HistoryPoint& h : history)
-        out.push_back({{"seconds", h.seconds}, {"iteration", h.iteration}, {"splats", h.splats}, {"psnr", h.psnrTest},
+        out.push_back({{"seconds", h.seconds},
+                       {"iteration", h.iteration},
+                       {"splats", h.splats},
+                       {"psnr", h.psnrTest},
                        {"psnr_masked", h.psnrMaskedTest}});
     return out;
 }
@@ -72,7 +75,8 @@ static std::string partsText(const std::vector<PartWorth>& parts)
 {
     std::string text;
     for (const PartWorth& p : parts)
-        text += format("%s%s %s (%+.2f dB without it)", text.empty() ? "" : ", ", p.name, p.kept ? "kept" : "left out", -p.decibel);
+        text +=
+            format("%s%s %s (%+.2f dB without it)", text.empty() ? "" : ", ", p.name, p.kept ? "kept" : "left out", -p.decibel);
     return text;
 }
 
@@ -85,8 +89,12 @@ static Json lightsJson(const std::vector<RefinedLight>& lights)
             const glm::vec3& v = point ? light.position : light.directionToLight;
             return Json{v.x, v.y, v.z};
         };
-        out.push_back({{"type", point ? "point" : "directional"}, {point ? "position" : "direction_to_light", place(l.stated)},
-                       {"refined", place(l.refined)}, {"degrees", l.degrees}, {"gain", l.gain}, {"views", l.views}});
+        out.push_back({{"type", point ? "point" : "directional"},
+                       {point ? "position" : "direction_to_light", place(l.stated)},
+                       {"refined", place(l.refined)},
+                       {"degrees", l.degrees},
+                       {"gain", l.gain},
+                       {"views", l.views}});
     }
     return out;
 }
@@ -97,8 +105,8 @@ static std::string lightsText(const std::vector<RefinedLight>& lights)
     std::vector<double> degrees, percent;
     for (const RefinedLight& l : lights) degrees.push_back(l.degrees), percent.push_back(100 * std::abs(l.gain - 1));
     std::sort(degrees.begin(), degrees.end()), std::sort(percent.begin(), percent.end());
-    return format("%zu lights refined: median correction %.2f degrees and %.1f %% of gain, largest %.2f degrees and %.1f %%", lights.size(),
-                  degrees[degrees.size() / 2], percent[percent.size() / 2], degrees.back(), percent.back());
+    return format("%zu lights refined: median correction %.2f degrees and %.1f %% of gain, largest %.2f degrees and %.1f %%",
+                  lights.size(), degrees[degrees.size() / 2], percent[percent.size() / 2], degrees.back(), percent.back());
 }
 
 static Status runBake(BakeArguments args)
@@ -110,7 +118,8 @@ static Status runBake(BakeArguments args)
     BakeOptions& options = args.options;
     options.checkpointPath = args.output + ".ckpt";
     if (options.resume && !std::filesystem::exists(options.checkpointPath))
-        return Error{ErrorCode::kBadInput, "--resume: there is no checkpoint '" + options.checkpointPath + "'; leave --resume out to start anew"};
+        return Error{ErrorCode::kBadInput,
+                     "--resume: there is no checkpoint '" + options.checkpointPath + "'; leave --resume out to start anew"};
 
     for (const std::string& path : {args.output, options.checkpointPath}) removeAbandonedTemporaries(path);
 
@@ -130,14 +139,17 @@ static Status runBake(BakeArguments args)
     Progress progress;
     const auto show = [&](const BakeProgress& p) { progress.show(progressText(p)); };
     if (options.model == "auto") {
-        if (options.resume) return Error{ErrorCode::kBadInput, "--resume with --model auto: name the model that the first call has chosen"};
+        if (options.resume)
+            return Error{ErrorCode::kBadInput, "--resume with --model auto: name the model that the first call has chosen"};
         const auto trials = tryModels(*dataset, options, show, &stop);
         progress.clear();
         if (!trials) return trials.error();
-        for (const ModelTrial& t : *trials) std::printf("trial of %s: %.2f dB (masked, cameras that it did not see)\n", t.model.c_str(), t.psnrMasked);
+        for (const ModelTrial& t : *trials)
+            std::printf("trial of %s: %.2f dB (masked, cameras that it did not see)\n", t.model.c_str(), t.psnrMasked);
         options = restOf(options);
         options.model = trials->front().model;
-        std::printf("going on with --model %s%s\n", options.model.c_str(), options.minutes > 0 ? format(" --minutes %g", options.minutes).c_str() : "");
+        std::printf("going on with --model %s%s\n", options.model.c_str(),
+                    options.minutes > 0 ? format(" --minutes %g", options.minutes).c_str() : "");
     }
     auto result = bake(*dataset, options, show, &stop);
     progress.clear();
@@ -154,10 +166,14 @@ static Status runBake(BakeArguments args)
     std::filesystem::remove(options.checkpointPath, ignored);
 
     const size_t splats = result->asset.cloud.count, bytes = fileBytes(args.output), peak = peakRssBytes();
-    std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat)\n", args.output.c_str(), result->asset.model.c_str(), splats, bytes,
-                double(bytes) / double(splats));
-    std::printf("%d iterations in %.1f s on the cpu%s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations, result->seconds,
-                args.device == "auto" ? " (auto: no CUDA baker in this build)" : "", result->psnrTrain, double(peak) / 1048576.0);
+    std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat)\n", args.output.c_str(), result->asset.model.c_str(),
+                splats, bytes, double(bytes) / double(splats));
+    std::printf("%d iterations in %.1f s on the cpu%s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations,
+                result->seconds, args.device == "auto" ? " (auto: no CUDA baker in this build)" : "", result->psnrTrain,
+                double(peak) / 1048576.0);
+    if (options.iterations <= 0 && options.minutes > 0 && result->iterations >= bakeIterations(options))
+        std::printf("all %d steps of --quality %s are made: more would only fit noise (--iterations insists)\n",
+                    result->iterations, options.quality.c_str());
     if (!result->parts.empty()) std::printf("%s\n", partsText(result->parts).c_str());
     if (!result->lights.empty()) std::printf("%s\n", lightsText(result->lights).c_str());
     if (args.json.empty()) return ok();
@@ -187,25 +203,45 @@ Action addBake(CLI::App& app)
     sub->add_option("DATASET", args->dataset, "OLAT dataset: its folder or a transforms file")->required();
     sub->add_option("-o,--output", args->output, "Asset to write (.glb)")->required();
     models.push_back("auto");
-    sub->add_option("--model", o.model, "Appearance model; auto: the one that does better in a short bake of each (16 % of the time)")->check(CLI::IsMember(models))->capture_default_str();
+    sub->add_option("--model", o.model,
+                    "Appearance model; auto: the one that does better in a short bake of each (16 % of the time)")
+        ->check(CLI::IsMember(models))
+        ->capture_default_str();
     sub->add_option("--quality", o.quality, "Sets iterations, splats and channel sizes that are not given")
-        ->check(CLI::IsMember({"draft", "standard", "high"}))->capture_default_str();
-    auto* minutes = sub->add_option("--minutes", o.minutes, "Wall time of the whole bake, minutes (default: from --quality)")->check(positiveNumber());
+        ->check(CLI::IsMember({"draft", "standard", "high"}))
+        ->capture_default_str();
+    auto* minutes =
+        sub->add_option(
+               "--minutes", o.minutes,
+               "At most this long, in minutes; ends sooner when the steps of --quality are made, as more would only fit noise")
+            ->check(positiveNumber());
     sub->add_option("--iterations", o.iterations, "Training steps, instead of --minutes; same seed, same bytes")
-        ->check(wholeNumber(1, 100000000))->excludes(minutes);
-    sub->add_option("--device", args->device, "Where to train")->check(CLI::IsMember({"cpu", "cuda", "auto"}))->capture_default_str();
-    sub->add_option("--threads", o.threads, "0: all cores; the result does not depend on it")->check(wholeNumber(0, 4096))->capture_default_str();
+        ->check(wholeNumber(1, 100000000))
+        ->excludes(minutes);
+    sub->add_option("--device", args->device, "Where to train")
+        ->check(CLI::IsMember({"cpu", "cuda", "auto"}))
+        ->capture_default_str();
+    sub->add_option("--threads", o.threads, "0: all cores; the result does not depend on it")
+        ->check(wholeNumber(0, 4096))
+        ->capture_default_str();
     sub->add_option("--seed", o.seed, "Of every random choice")->check(wholeNumber(0, INT64_MAX))->capture_default_str();
-    sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality)")->check(wholeNumber(1, 100000000));
-    sub->add_option("--s-functions", o.sFunctions, "bigs: spherical harmonics of the view-dependent term s, while it earns its bytes (default: from --quality)")
+    sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality)")
+        ->check(wholeNumber(1, 100000000));
+    sub->add_option("--s-functions", o.sFunctions,
+                    "bigs: spherical harmonics of the view-dependent term s, while it earns its bytes (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
-    sub->add_option("--without", o.without, "For comparisons: train without these (s: other view dependence, lobe: highlights, visibility: hard shadows, sharing: gloss and "
-                                            "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam; "
-                                            "sss: residual, share, visibility)")
-        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share"}))->delimiter(',');
-    sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")->check(numberBetween(0, 1));
-    sub->add_flag("--refine-lights", o.refineLights,
-                  "Correct gain and direction of each training light on the way, for captures that are off by a few per cent or degrees");
+    sub->add_option("--without", o.without,
+                    "For comparisons: train without these (s: other view dependence, lobe: highlights, visibility: hard shadows, "
+                    "sharing: gloss and "
+                    "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam; "
+                    "sss: residual, share, visibility)")
+        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share"}))
+        ->delimiter(',');
+    sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")
+        ->check(numberBetween(0, 1));
+    sub->add_flag(
+        "--refine-lights", o.refineLights,
+        "Correct gain and direction of each training light on the way, for captures that are off by a few per cent or degrees");
     sub->add_flag("--resume", o.resume, "Go on from the checkpoint ASSET.glb.ckpt that an interrupted bake has left");
     sub->add_option("--json", args->json, "Write figures of the bake, and its held-out error over time, to this file");
     sub->footer("Ctrl-C and SIGTERM write a checkpoint next to the output; --resume goes on from there.");

@@ -27,22 +27,34 @@ struct Quality {
     const char* name;
     int iterations, maxSplats, sFunctions;
 };
-constexpr Quality kQualities[] = {{"draft", 2000, 6000, 0}, {"standard", 15000, 24000, 9}, {"high", 40000, 48000, 9}};
+// More steps only fit the noise of the images (wax bunny, 24 k splats, held out, masked: 29.98 dB after 6750 steps, 30.03 after
+// 7500, 29.81 after 15000; marble: best after 13000), so a bake in minutes ends with them too.
+constexpr Quality kQualities[] = {{"draft", 2000, 6000, 0}, {"standard", 10000, 24000, 9}, {"high", 40000, 48000, 9}};
 
 constexpr int kHullResolution = 128;
-constexpr size_t kHullCameras = 200;        // more silhouettes hardly change the hull
-constexpr double kInitialShare = 0.5;       // of the cap
-constexpr int kDensifyEvery = 100;          // steps, and at least one pass through the cameras
-constexpr double kDensifyFrom = 0.02, kDensifyUntil = 0.5; // of the bake
-constexpr double kGrowth = 1.06;            // per densification
+constexpr size_t kHullCameras = 200;                                  // more silhouettes hardly change the hull
+constexpr double kInitialShare = 0.5;                                 // of the cap
+constexpr int kDensifyEvery = 100;                                    // steps, and at least one pass through the cameras
+constexpr double kDensifyFrom = 0.02, kDensifyUntil = 0.5;            // of the bake
+constexpr double kGrowth = 1.06;                                      // per densification
 constexpr double kCheckpointSeconds = 60, kCheckpointProgress = 0.05; // whichever comes first,
-constexpr double kCheckpointPause = 100, kCheckpointLeast = 1;         // but no sooner than this many times what the last one took, or seconds
-constexpr double kReferenceSteps = 3000;     // a longer bake takes smaller steps (rate)
-constexpr double kFinalRate = 0.01, kLeastRate = 0.02; // of the learning rates at the start, and of those of a bake of kReferenceSteps
-constexpr int kRefineLightsEvery = 8;        // steps
-constexpr double kRefineLightsFrom = 0.1;    // of the bake: before, the splats are still too wrong to tell
-constexpr double kTrialLength = 0.03, kTrialLeast = 150 /* steps */, kTrialMost = 0.1; // of the bake: with and without an optional part
-constexpr double kTrackEvery = 0.05;        // of the bake, with trackHeldOut
+constexpr double kCheckpointPause = 100,
+                 kCheckpointLeast = 1;   // but no sooner than this many times what the last one took, or seconds
+constexpr double kReferenceSteps = 3000; // a longer bake takes smaller steps (rate)
+constexpr double kFinalRate = 0.01,
+                 kLeastRate = 0.02;       // of the learning rates at the start, and of those of a bake of kReferenceSteps
+constexpr int kRefineLightsEvery = 8;     // steps
+constexpr double kRefineLightsFrom = 0.1; // of the bake: before, the splats are still too wrong to tell
+constexpr double kTrialLength = 0.03, kTrialLeast = 150 /* steps */,
+                 kTrialMost = 0.1;   // of the bake: with and without an optional part
+constexpr double kTrackEvery = 0.05; // of the bake, with trackHeldOut
+
+const Quality* findQuality(const std::string& name)
+{
+    const Quality* found =
+        std::find_if(std::begin(kQualities), std::end(kQualities), [&](const Quality& q) { return name == q.name; });
+    return found == std::end(kQualities) ? nullptr : found;
+}
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -62,8 +74,7 @@ std::vector<CameraImages> groupByCamera(const OlatSplit& split)
     return groups;
 }
 
-template <class T>
-void shuffle(std::vector<T>& items, Random& random)
+template <class T> void shuffle(std::vector<T>& items, Random& random)
 {
     for (size_t i = items.size(); i > 1; --i) std::swap(items[i - 1], items[random.below(uint32_t(i))]);
 }
@@ -97,7 +108,10 @@ private:
     size_t pass_ = 0;
 };
 
-double psnrFrom(double squaredError, double count) { return -10.0 * std::log10(std::max(squaredError / std::max(count, 1.0), 1e-10)); }
+double psnrFrom(double squaredError, double count)
+{
+    return -10.0 * std::log10(std::max(squaredError / std::max(count, 1.0), 1e-10));
+}
 
 class Bake {
 public:
@@ -131,13 +145,13 @@ private:
     BakeOptions options_;
     const std::function<void(const BakeProgress&)>& report_;
     const std::atomic<bool>* cancel_;
-    double start_;              // of the bake; after a resume, as if it had never been interrupted
+    double start_;               // of the bake; after a resume, as if it had never been interrupted
     double startedProgress_ = 0; // when this process began to train
     int resumedStep_ = 0;
     double resumedSeconds_ = 0, lastReport_ = 0, recentPsnr_ = 0;
     const OlatSplit* train_ = nullptr;
     int iterations_ = 0;
-    bool byTime_ = false;       // --minutes; else by iterations
+    bool byTime_ = false; // --minutes; else by iterations
     bool checkpointFailed_ = false;
     std::unique_ptr<TrainingImages> images_, heldOutImages_;
     std::unique_ptr<StepOrder> order_;
@@ -150,11 +164,14 @@ private:
 uint64_t Bake::optionsHash() const
 {
     uint64_t hash = kFnvOffset;
-    for (const std::string& text : {dataset_.convention, options_.model, options_.quality}) hash = fnv1a(text.data(), text.size() + 1, hash);
+    for (const std::string& text : {dataset_.convention, options_.model, options_.quality})
+        hash = fnv1a(text.data(), text.size() + 1, hash);
     const auto add = [&](const auto& x) { hash = fnv1a(&x, sizeof x, hash); };
-    add(iterations_), add(options_.minutes), add(options_.seed), add(options_.maxSplats), add(options_.sFunctions), add(options_.dssim), add(options_.refineLights);
+    add(iterations_), add(options_.minutes), add(options_.seed), add(options_.maxSplats), add(options_.sFunctions),
+        add(options_.dssim), add(options_.refineLights);
     for (const std::string& part : options_.without) hash = fnv1a(part.data(), part.size() + 1, hash);
-    for (const Camera& c : train_->cameras) add(c.width), add(c.height), add(c.fx), add(c.fy), add(c.cx), add(c.cy), add(c.worldFromCamera);
+    for (const Camera& c : train_->cameras)
+        add(c.width), add(c.height), add(c.fx), add(c.fy), add(c.cx), add(c.cy), add(c.worldFromCamera);
     for (const OlatImage& image : train_->images) {
         const Light& l = image.light;
         add(image.camera), add(l.type), add(l.position), add(l.directionToLight), add(l.intensity), add(l.radius);
@@ -168,8 +185,8 @@ void Bake::report(const char* stage, double progress)
     if (!report_) return;
     const double seconds = elapsed(), done = progress - startedProgress_; // how much of the bake this process has done
     double left = -1;
-    if (byTime_) left = std::max(0.0, 60 * options_.minutes - seconds);
-    else if (done > 0.01) left = (seconds - resumedSeconds_) * (1 - progress) / done;
+    if (done > 0.01) left = (seconds - resumedSeconds_) * (1 - progress) / done;
+    if (byTime_ && !(left >= 0 && left < 60 * options_.minutes - seconds)) left = std::max(0.0, 60 * options_.minutes - seconds);
     report_({stage, state_.step, byTime_ ? 0 : iterations_, seconds, left, trainer_ ? int(trainer_->count()) : 0, recentPsnr_});
 }
 
@@ -200,21 +217,26 @@ Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& c
 
 Status Bake::prepare()
 {
-    const Quality* quality = std::find_if(std::begin(kQualities), std::end(kQualities), [&](const Quality& q) { return options_.quality == q.name; });
-    if (quality == std::end(kQualities)) return Error{ErrorCode::kBadInput, "--quality '" + options_.quality + "': expected draft, standard or high"};
+    const Quality* quality = findQuality(options_.quality);
+    if (!quality) return Error{ErrorCode::kBadInput, "--quality '" + options_.quality + "': expected draft, standard or high"};
     train_ = dataset_.find("train");
     if (!train_) return Error{ErrorCode::kBadInput, dataset_.path + ": no 'train' split (expected transforms_train.json)"};
     byTime_ = options_.iterations <= 0 && options_.minutes > 0;
     std::vector<CameraImages> groups = groupByCamera(*train_);
-    if (groups.empty()) return Error{ErrorCode::kBadInput, dataset_.path + ": the train split has no image with a point or directional light"};
-    if (std::all_of(train_->images.begin(), train_->images.end(), [](const OlatImage& i) { return i.light.intensity == glm::vec3(0.0f); }))
-        return Error{ErrorCode::kBadInput, dataset_.path + ": every light of the train split has intensity 0; nothing can be learned"};
+    if (groups.empty())
+        return Error{ErrorCode::kBadInput, dataset_.path + ": the train split has no image with a point or directional light"};
+    if (std::all_of(train_->images.begin(), train_->images.end(),
+                    [](const OlatImage& i) { return i.light.intensity == glm::vec3(0.0f); }))
+        return Error{ErrorCode::kBadInput,
+                     dataset_.path + ": every light of the train split has intensity 0; nothing can be learned"};
     for (const CameraImages& g : groups) {
-        const Camera &c = train_->cameras[g.camera];
+        const Camera& c = train_->cameras[g.camera];
         if (c.width > 8192 || c.height > 8192)
-            return Error{ErrorCode::kUnsupported, dataset_.path + ": train images of " + std::to_string(c.width) + "x" + std::to_string(c.height) + " pixels; at most 8192 per side, scale them down"};
+            return Error{ErrorCode::kUnsupported, dataset_.path + ": train images of " + std::to_string(c.width) + "x" +
+                                                      std::to_string(c.height) +
+                                                      " pixels; at most 8192 per side, scale them down"};
     }
-    iterations_ = options_.iterations > 0 ? options_.iterations : quality->iterations;
+    iterations_ = bakeIterations(options_);
     if (options_.maxSplats <= 0) options_.maxSplats = quality->maxSplats;
     if (options_.sFunctions < 0) options_.sFunctions = quality->sFunctions;
     if (options_.dssim < 0) options_.dssim = 0;
@@ -243,7 +265,8 @@ Status Bake::prepare()
     if (silhouettes == Silhouettes::kGood) {
         hull = carveVisualHull(cameras, *masks, kHullResolution);
         if (hull.surface.empty())
-            result_.warnings.push_back("the alphas leave no visual hull: starting from random points in the common view of the cameras");
+            result_.warnings.push_back(
+                "the alphas leave no visual hull: starting from random points in the common view of the cameras");
         if (Status s = checkLights(*train_, hull, result_.warnings); !s) return s;
     } else {
         frameCube(cameras, hull.center, &hull.halfSize);
@@ -253,10 +276,12 @@ Status Bake::prepare()
     for (const SurfacePoint& p : hull.surface)
         for (int k = 0; k < 3; ++k) extent = std::max(extent, std::abs(p.position[k] - hull.center[k]));
     trainerOptions.sceneSize = extent > 0 ? extent : hull.halfSize;
-    if (options_.refineLights) refinement_ = std::make_unique<LightRefinement>(*train_, glm::vec3(hull.center[0], hull.center[1], hull.center[2]));
+    if (options_.refineLights)
+        refinement_ = std::make_unique<LightRefinement>(*train_, glm::vec3(hull.center[0], hull.center[1], hull.center[2]));
     const size_t initial = std::max<size_t>(1, size_t(kInitialShare * options_.maxSplats));
     const bool onSurface = !hull.surface.empty();
-    const double spacing = onSurface ? std::sqrt(hull.surfaceArea / double(initial)) : 2.0 * hull.halfSize / std::cbrt(double(initial));
+    const double spacing =
+        onSurface ? std::sqrt(hull.surfaceArea / double(initial)) : 2.0 * hull.halfSize / std::cbrt(double(initial));
     trainer_ = std::make_unique<Trainer>(trainerOptions, std::move(appearance));
     trainer_->initialize(sampleHull(hull, initial, options_.seed), float(spacing), onSurface);
     return ok();
@@ -278,7 +303,8 @@ Result<LossStats> Bake::trainStep(const Trainer::Moment& moment, bool onTrial)
     const Camera& camera = train_->cameras[view.camera];
     // before the step, when the splats have not just been fitted to these images
     if (refinement_ && !onTrial && moment.progress >= kRefineLightsFrom && moment.step % kRefineLightsEvery == 0)
-        refinement_->observe(view.images, references, [&](std::span<const Light> l, std::vector<float>& planes) { trainer_->render(camera, l, planes); });
+        refinement_->observe(view.images, references,
+                             [&](std::span<const Light> l, std::vector<float>& planes) { trainer_->render(camera, l, planes); });
     return trainer_->step(camera, std::span(lights, view.images.size()), references, moment);
 }
 
@@ -304,12 +330,15 @@ Status Bake::track()
         const double whole = psnrFrom(s.squaredError, s.count);
         psnr += whole, masked += s.countMasked > 0 ? psnrFrom(s.squaredErrorMasked, s.countMasked) : whole, ++count;
     }
-    if (count) state_.history.push_back({before - start_ - state_.trackSeconds, state_.step, int(trainer_->count()), psnr / count, masked / count});
+    if (count)
+        state_.history.push_back(
+            {before - start_ - state_.trackSeconds, state_.step, int(trainer_->count()), psnr / count, masked / count});
     state_.trackSeconds += now() - before;
     return ok();
 }
 
-// Steps on, and how wrong the splats were on images that they had not been fitted to just now: masked squared error of the second half.
+// Steps on, and how wrong the splats were on images that they had not been fitted to just now: masked squared error of the second
+// half.
 Result<double> Bake::trial(double progress, int steps)
 {
     double squared = 0, count = 0;
@@ -326,8 +355,8 @@ Result<double> Bake::trial(double progress, int steps)
     return squared / std::max(count, 1.0);
 }
 
-// The same steps are made twice, with a part and without it; the better splats are kept. Both have adapted to what they have by then: merely
-// switching a part off says that s is worth as much to marble as to fur (0.6 dB), where it is worth 0 and 0.9 dB.
+// The same steps are made twice, with a part and without it; the better splats are kept. Both have adapted to what they have by
+// then: merely switching a part off says that s is worth as much to marble as to fur (0.6 dB), where it is worth 0 and 0.9 dB.
 Status Bake::leaveOutParts()
 {
     TrainableAppearance& appearance = trainer_->appearance();
@@ -336,7 +365,8 @@ Status Bake::leaveOutParts()
         if (!trainer_->load(in)) std::abort(); // its own bytes of a moment ago
     };
     for (const OptionalPart& part : appearance.optionalParts()) {
-        const bool judged = std::any_of(state_.parts.begin(), state_.parts.end(), [&](const PartWorth& w) { return w.name == part.name; });
+        const bool judged =
+            std::any_of(state_.parts.begin(), state_.parts.end(), [&](const PartWorth& w) { return w.name == part.name; });
         const double at = progress();
         if (judged || at < part.judgedAt) continue;
         const double all = expectedSteps(at);
@@ -378,27 +408,36 @@ Status Bake::checkpoint()
 Status Bake::resume()
 {
     if (options_.checkpointPath.empty() || !std::filesystem::exists(options_.checkpointPath))
-        return Error{ErrorCode::kBadInput, "nothing to resume: no checkpoint at '" + options_.checkpointPath + "'; start again without --resume"};
+        return Error{ErrorCode::kBadInput,
+                     "nothing to resume: no checkpoint at '" + options_.checkpointPath + "'; start again without --resume"};
     auto bytes = readFile(options_.checkpointPath, std::numeric_limits<size_t>::max());
     if (!bytes) return bytes.error();
     auto state = decodeCheckpoint(*bytes, optionsHash(), *trainer_);
     if (!state) return Error{state.error().code, options_.checkpointPath + ": " + state.error().message};
     state_ = std::move(*state);
     if (refinement_ && !refinement_->restore(std::move(state_.lights)))
-        return Error{ErrorCode::kBadInput, options_.checkpointPath + ": checkpoint does not fit the lights of this dataset; start again without --resume"};
+        return Error{ErrorCode::kBadInput,
+                     options_.checkpointPath +
+                         ": checkpoint does not fit the lights of this dataset; start again without --resume"};
     start_ = now() - state_.seconds;
     resumedSeconds_ = state_.seconds;
     return ok();
 }
 
-// Writing the asset takes a moment too: 1 % of a budget in minutes is left for it.
-double Bake::progress() const { return byTime_ ? elapsed() / (0.99 * 60 * options_.minutes) : double(state_.step) / iterations_; }
+// Of the steps or of the time, whichever ends first. Writing the asset takes a moment too: 1 % of a budget in minutes is left for
+// it.
+double Bake::progress() const
+{
+    const double steps = double(state_.step) / iterations_;
+    return byTime_ ? std::max(steps, elapsed() / (0.99 * 60 * options_.minutes)) : steps;
+}
 
-// A bake of more than kReferenceSteps takes smaller steps, so that it travels the same way more finely. Less travel leaves gloss, and
-// directions that few lights cover, near their initial values; more makes knob_marble worse. (6000 steps, 12 k splats, held-out, masked, for
-// 3000 and 6000: knob_marble 27.0, 26.7 dB; bunny_wax 29.8, 29.8 dB. 21 k steps, 24 k splats, for 1500: knob_marble 26.7 dB.) All rates fall exponentially over the bake: to a hundredth,
-// which is worth 1 dB, but not below kLeastRate, where a long bake would only learn noise. (10 k steps, 12 k splats, knob_marble, for kLeastRate 0,
-// 0.006, 0.02 and 0.05: 27.18, 27.26, 27.35, 27.24 dB; bunny_wax, for 0 and 0.02: 29.63, 29.63 dB.)
+// A bake of more than kReferenceSteps takes smaller steps, so that it travels the same way more finely. Less travel leaves gloss,
+// and directions that few lights cover, near their initial values; more makes knob_marble worse. (6000 steps, 12 k splats,
+// held-out, masked, for 3000 and 6000: knob_marble 27.0, 26.7 dB; bunny_wax 29.8, 29.8 dB. 21 k steps, 24 k splats, for 1500:
+// knob_marble 26.7 dB.) All rates fall exponentially over the bake: to a hundredth, which is worth 1 dB, but not below
+// kLeastRate, where a long bake would only learn noise. (10 k steps, 12 k splats, knob_marble, for kLeastRate 0, 0.006, 0.02 and
+// 0.05: 27.18, 27.26, 27.35, 27.24 dB; bunny_wax, for 0 and 0.02: 29.63, 29.63 dB.)
 double Bake::rate(double progress) const
 {
     const double pace = std::min(1.0, kReferenceSteps / expectedSteps(progress));
@@ -412,7 +451,7 @@ double Bake::expectedSteps(double progress) const
     constexpr double kGuessSeconds = 0.03; // a step, until the clock says better
     const int done = state_.step - resumedStep_;
     const double perStep = done > 20 ? (progress - startedProgress_) / done : kGuessSeconds / (60 * options_.minutes);
-    return 1.0 / std::max(perStep, 1e-9);
+    return std::min(double(iterations_), 1.0 / std::max(perStep, 1e-9));
 }
 
 Status Bake::train()
@@ -424,7 +463,8 @@ Status Bake::train()
     LossStats pass; // since the last whole pass through the cameras
     const int watch = std::max(kDensifyEvery, int(order_->passLength()));
     for (;;) {
-        Status parts = cancelled() ? Status(Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(state_.step)}) : leaveOutParts();
+        Status parts = cancelled() ? Status(Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(state_.step)})
+                                   : leaveOutParts();
         if (!parts) {
             if (Status s = checkpoint(); !s) return s;
             return parts;
@@ -483,10 +523,12 @@ Result<BakeResult> Bake::run()
     SplatAsset& asset = result_.asset;
     asset.model = options_.model;
     trainer_->exportTo(asset);
-    if (Status s = validate(asset); !s) return Error{ErrorCode::kIo, "the bake did not end in a usable asset: " + s.error().message};
+    if (Status s = validate(asset); !s)
+        return Error{ErrorCode::kIo, "the bake did not end in a usable asset: " + s.error().message};
     // Dataset +Z up becomes glTF +Y up by a quarter turn about X.
     if (dataset_.up.z > 0.5f) asset.yUpFromAsset = glm::quat(std::sqrt(0.5f), -std::sqrt(0.5f), 0, 0);
-    asset.bakedWith = dataset_.convention + " dataset, " + std::to_string(state_.step) + " iterations, seed " + std::to_string(options_.seed);
+    asset.bakedWith =
+        dataset_.convention + " dataset, " + std::to_string(state_.step) + " iterations, seed " + std::to_string(options_.seed);
     if (refinement_) result_.lights = refinement_->lights();
     result_.history = std::move(state_.history);
     result_.parts = std::move(state_.parts);
@@ -497,8 +539,14 @@ Result<BakeResult> Bake::run()
 
 } // namespace
 
-Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options, const std::function<void(const BakeProgress&)>& progress,
-                        const std::atomic<bool>* cancel)
+int bakeIterations(const BakeOptions& options)
+{
+    const Quality* quality = findQuality(options.quality);
+    return options.iterations > 0 ? options.iterations : quality ? quality->iterations : 0;
+}
+
+Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,
+                        const std::function<void(const BakeProgress&)>& progress, const std::atomic<bool>* cancel)
 {
     tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
     return arena.execute([&] { return Bake(dataset, options, progress, cancel).run(); });

@@ -17,7 +17,7 @@ namespace nacre {
 struct BakeOptions {
     std::string model = "bigs";
     std::string quality = "standard";  // draft | standard | high: default iterations, splats and channel sizes
-    double minutes = 0;                // > 0: wall time of the whole bake; learning rates anneal over it
+    double minutes = 0;                // > 0: at most so much wall time for the whole bake; learning rates anneal over it
     int iterations = 0;                // > 0: instead of minutes; exactly reproducible
     int threads = 0;                   // 0: all cores
     uint64_t seed = 1;
@@ -59,6 +59,9 @@ struct BakeResult {
     std::vector<PartWorth> parts;
     std::vector<std::string> warnings;
 };
+
+/// How many steps a bake makes unless its minutes end first. 0: no such quality.
+int bakeIterations(const BakeOptions& options);
 
 /// `progress` is called at least every second from the calling thread. Setting `*cancel` writes a checkpoint and returns kCancelled.
 Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,

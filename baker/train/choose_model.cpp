@@ -40,7 +40,7 @@ Result<std::vector<ModelTrial>> tryModels(const OlatDataset& dataset, const Bake
         trial.checkpointPath.clear();
         trial.resume = false;
         trial.trackHeldOut = true;
-        if (trial.iterations > 0 || trial.minutes <= 0) trial.iterations = std::max(kLeastTrialSteps, int(kTrialShare * (options.iterations > 0 ? options.iterations : 15000)));
+        if (trial.iterations > 0 || trial.minutes <= 0) trial.iterations = std::max(kLeastTrialSteps, int(kTrialShare * bakeIterations(options)));
         else trial.minutes *= kTrialShare;
         auto result = bake(judged, trial, [&](const BakeProgress& p) {
             BakeProgress named = p;

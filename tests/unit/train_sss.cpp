@@ -10,9 +10,9 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <glm/glm.hpp>
 #include <memory>
 #include <vector>
-#include <glm/glm.hpp>
 
 using namespace nacre;
 
@@ -121,12 +121,14 @@ TEST_CASE("sss: a white surface reflects no more than it gets, and without Fresn
                     const glm::dvec3 wo(fibonacciDirection(i, count));
                     if (wo.z <= 0) continue;
                     // value is f cos(theta_i): per unit irradiance across w_i; to a ratio of fluxes, integrate f cos(theta_o)
-                    albedo += sssReflect(surfaceUp(roughness, metalness, 1.0), &wo.x, wi).value[0] / cosine * wo.z * 4 * 3.14159265358979 / count;
+                    albedo += sssReflect(surfaceUp(roughness, metalness, 1.0), &wo.x, wi).value[0] / cosine * wo.z * 4 *
+                              3.14159265358979 / count;
                 }
                 CAPTURE(roughness);
                 CAPTURE(metalness);
                 CAPTURE(cosine);
-                CHECK(albedo < 1.03); // a dielectric at grazing light: (1 - F) of the diffuse part looks at the half vector, not at the normal
+                CHECK(albedo < 1.03); // a dielectric at grazing light: (1 - F) of the diffuse part looks at the half vector, not
+                                      // at the normal
                 CHECK(albedo > 0.15); // a metal at grazing light: one bounce, and k of the paper masks more than GGX does
             }
     const double up[3] = {0, 0, 1};
@@ -141,7 +143,9 @@ TEST_CASE("sss: reflection is reciprocal")
         const Case x = randomCase(random);
         const SssReflection<double> there = sssReflect(x.surface, x.wo, x.wi), back = sssReflect(x.surface, x.wi, x.wo);
         if (there.nl <= 0 || back.nl <= 0) continue;
-        for (int c = 0; c < 3; ++c) CHECK(std::abs(there.value[c] / there.nl - back.value[c] / back.nl) < 1e-9 * (1 + std::abs(there.value[c] / there.nl)));
+        for (int c = 0; c < 3; ++c)
+            CHECK(std::abs(there.value[c] / there.nl - back.value[c] / back.nl) <
+                  1e-9 * (1 + std::abs(there.value[c] / there.nl)));
     }
 }
 
@@ -173,7 +177,8 @@ TEST_CASE("sss: roughness and metalness at both ends, grazing and opposite direc
 namespace {
 
 struct PixelCase {
-    double g[kSssSurfaceChannels], alpha, eye[3], ray[3], channels[2][kSssLightChannels], light[2][3], intensity[2][3], weight[2][3];
+    double g[kSssSurfaceChannels], alpha, eye[3], ray[3], channels[2][kSssLightChannels], light[2][3], intensity[2][3],
+        weight[2][3];
 };
 
 PixelCase randomPixel(Random& random)
@@ -182,8 +187,11 @@ PixelCase randomPixel(Random& random)
     const auto u = [&] { return double(random.uniform()); };
     x.alpha = 0.3 + 0.7 * u();
     const glm::dvec3 n = direction(random), eye = 3.0 * (n + 0.5 * direction(random));
-    for (int c = 0; c < 3; ++c) x.g[kSssNormal + c] = 0.8 * x.alpha * n[c], x.g[kSssBase + c] = x.alpha * u(), x.eye[c] = eye[c], x.ray[c] = -eye[c] / 3 + 0.1 * u();
-    x.g[kSssRoughness] = x.alpha * (0.2 + 0.7 * u()), x.g[kSssMetalness] = x.alpha * u(), x.g[kSssSubsurface] = x.alpha * u(), x.g[kSssDepth] = x.alpha * (2.8 + 0.2 * u());
+    for (int c = 0; c < 3; ++c)
+        x.g[kSssNormal + c] = 0.8 * x.alpha * n[c], x.g[kSssBase + c] = x.alpha * u(), x.eye[c] = eye[c],
+                         x.ray[c] = -eye[c] / 3 + 0.1 * u();
+    x.g[kSssRoughness] = x.alpha * (0.2 + 0.7 * u()), x.g[kSssMetalness] = x.alpha * u(), x.g[kSssSubsurface] = x.alpha * u(),
+    x.g[kSssDepth] = x.alpha * (2.8 + 0.2 * u());
     for (int l = 0; l < 2; ++l) {
         const glm::dvec3 light = 2.5 * (n + 0.6 * direction(random));
         for (int c = 0; c < 3; ++c) x.light[l][c] = light[c], x.intensity[l][c] = 5 * u(), x.weight[l][c] = 2 * u() - 1;
@@ -199,7 +207,8 @@ double shown(const PixelCase& x) // weighted sum over lights and channels
     for (int l = 0; l < 2; ++l) {
         const SssLightAt<double> at = sssPointLightAt(x.light[l], 0.01, pixel.point);
         const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.wi);
-        for (int c = 0; c < 3; ++c) sum += x.weight[l][c] * sssRadiance(pixel, x.channels[l], x.intensity[l][c] * at.falloff, o.value[c], c);
+        for (int c = 0; c < 3; ++c)
+            sum += x.weight[l][c] * sssRadiance(pixel, x.channels[l], x.intensity[l][c] * at.falloff, o.value[c], c);
     }
     return sum;
 }
@@ -217,7 +226,8 @@ TEST_CASE("sss: the gradient of a pixel with respect to all its channels is that
         double dLight[2][kSssLightChannels], dG[kSssSurfaceChannels], dAlpha;
         for (int l = 0; l < 2; ++l) {
             const SssLightAt<double> at = sssPointLightAt(x.light[l], 0.01, pixel.point);
-            sssPixelLightBackward(pixel, x.channels[l], at, 0.01, x.intensity[l], sssReflect(pixel.surface, pixel.wo, at.wi), x.weight[l], dLight[l], d);
+            sssPixelLightBackward(pixel, x.channels[l], at, 0.01, x.intensity[l], sssReflect(pixel.surface, pixel.wo, at.wi),
+                                  x.weight[l], dLight[l], d);
         }
         sssPixelBackward(pixel, x.g, x.ray, d, dG, &dAlpha);
         const auto check = [&](double& at, double analytic) {
@@ -241,14 +251,16 @@ TEST_CASE("sss: a pixel of no alpha, or whose normals cancel, shows scattered li
     Random random(26);
     for (float alpha : {0.0f, 1e-30f, 1e-4f, 1.0f}) {
         float g[kSssSurfaceChannels] = {1e-6f * alpha, 0, 0, alpha, alpha, alpha, alpha, alpha, 0, 3 * alpha};
-        const float eye[3] = {0, 0, 3}, ray[3] = {0, 0, -1}, light[kSssLightChannels] = {1, 0.1f, 0.2f, 0.3f}, intensity[3] = {1, 1, 1};
+        const float eye[3] = {0, 0, 3}, ray[3] = {0, 0, -1}, light[kSssLightChannels] = {1, 0.1f, 0.2f, 0.3f},
+                    intensity[3] = {1, 1, 1};
         const SssPixel<float> pixel = sssPixel(g, alpha, eye, ray);
         CHECK(!pixel.shaded);
         CHECK(sssRadiance(pixel, light, 1.0f, 1e30f, 1) == 0.2f);
         const SssLightAt<float> at = sssPointLightAt(eye, 0.01f, pixel.point);
         SssPixelGradient<float> d;
         float dLight[kSssLightChannels], dG[kSssSurfaceChannels], dAlpha;
-        sssPixelLightBackward(pixel, light, at, 0.01f, intensity, sssReflect(pixel.surface, pixel.wo, at.wi), intensity, dLight, d);
+        sssPixelLightBackward(pixel, light, at, 0.01f, intensity, sssReflect(pixel.surface, pixel.wo, at.wi), intensity, dLight,
+                              d);
         sssPixelBackward(pixel, g, ray, d, dG, &dAlpha);
         for (float x : dG) CHECK(x == 0.0f);
         CHECK(dAlpha == 0.0f);
@@ -294,7 +306,8 @@ TEST_CASE("sss: the gradient of the network is that of finite differences, for w
     std::vector<double> dW(kSssWeights);
     double first[kSssHidden1], dFirst[kSssHidden1] = {}, dLight[kSssLightInputs] = {}, dFixed[kSssFixedInputs] = {};
     sssNetworkFixed(w.data(), in.fixed, first);
-    sssNetworkLightBackward(w.data(), first, in.light, sssNetworkLight(w.data(), first, in.light), dResidual, dShare, dW.data(), dFirst, dLight);
+    sssNetworkLightBackward(w.data(), first, in.light, sssNetworkLight(w.data(), first, in.light), dResidual, dShare, dW.data(),
+                            dFirst, dLight);
     sssNetworkFixedBackward(w.data(), in.fixed, dFirst, dW.data(), dFixed);
     const auto check = [&](double& x, double analytic) {
         const double was = x, step = 1e-6;
@@ -327,7 +340,8 @@ TEST_CASE("sss: the network stays bounded and smooth far outside what it has see
     }
     // What is known of a splat and of a light: positions and distances may be anything, the inputs never are.
     for (float far : {0.0f, 1.0f, 1e6f, 1e30f}) {
-        const float position[3] = {far, -far, 0.5f * far}, unit[4] = {1, 0, 0, 0}, scale[3] = {far, 1e-9f, 0.1f}, normal[3] = {0, 0, 1}, frame[4] = {0.1f, 0, 0, 2};
+        const float position[3] = {far, -far, 0.5f * far}, unit[4] = {1, 0, 0, 0}, scale[3] = {far, 1e-9f, 0.1f},
+                    normal[3] = {0, 0, 1}, frame[4] = {0.1f, 0, 0, 2};
         float fixed[kSssFixedInputs], light[kSssLightInputs];
         sssFixedInputs(position, scale, unit, normal, frame, fixed);
         sssLightInputs(normal, normal, 0.5f, far, light);
@@ -354,46 +368,44 @@ TEST_CASE("sss: sixteen Gaussians at once give what each gives alone, and the su
     SssWeights weights;
     for (size_t k = 0; k < w.size(); ++k) weights.value[k] = float(w[k]);
     weights.transpose();
+    constexpr int kLights = 3;
     auto batch = std::make_unique<SssBatch>();
     std::vector<Inputs> in;
-    for (int lane = 0; lane < kSssLanes; ++lane) {
+    for (int row = 0; row < kLights * kSssLanes; ++row) {
+        const int lane = row % kSssLanes;
         in.push_back(randomInputs(random));
-        for (int k = 0; k < kSssFixedInputs; ++k) batch->fixed[k][lane] = float(in.back().fixed[k]);
+        if (row >= kSssLanes)
+            std::copy_n(in[size_t(lane)].fixed, kSssFixedInputs, in.back().fixed); // the same Gaussian under another light
+        for (int k = 0; k < kSssFixedInputs; ++k) batch->fixed[lane][k] = float(in.back().fixed[k]);
+        for (int k = 0; k < kSssLightInputs; ++k) batch->light[row][k] = float(in.back().light[k]);
+        for (int c = 0; c < 3; ++c) batch->dResidual[row][c] = 2 * random.uniform() - 1;
+        batch->dShare[row] = 2 * random.uniform() - 1;
     }
-    sssBatchFixed(weights, *batch);
-    std::memset(batch->dFirst, 0, sizeof batch->dFirst);
-    std::vector<double> want(kSssWeights), dFirst(size_t(kSssLanes * kSssHidden1));
+    std::vector<double> want(kSssWeights);
     std::vector<float> got(kSssWeights);
-    for (int light = 0; light < 3; ++light) {
-        for (int lane = 0; lane < kSssLanes; ++lane) {
-            Inputs& x = in[size_t(lane)];
-            for (int k = 0; k < kSssLightInputs; ++k) batch->light[k][lane] = float(x.light[k] = 2 * random.uniform() - 1);
-            for (int c = 0; c < 3; ++c) batch->dResidual[c][lane] = lane == 5 ? 0.0f : 2 * random.uniform() - 1;
-            batch->dShare[lane] = lane == 5 ? 0.0f : 2 * random.uniform() - 1;
+    sssBatchForward(weights, kLights, *batch);
+    for (int row = 0; row < kLights * kSssLanes; ++row) {
+        const Inputs& x = in[size_t(row)];
+        double first[kSssHidden1], dFirst[kSssHidden1] = {}, dLight[kSssLightInputs] = {}, dFixed[kSssFixedInputs] = {},
+                                   dResidual[3];
+        sssNetworkFixed(w.data(), x.fixed, first);
+        const SssActivations<double> a = sssNetworkLight(w.data(), first, x.light);
+        for (int c = 0; c < 3; ++c) {
+            CHECK(std::abs(batch->residual[row][c] - a.residual[c]) < 2e-5);
+            dResidual[c] = batch->dResidual[row][c];
         }
-        sssBatchLight(weights, *batch);
-        for (int lane = 0; lane < kSssLanes; ++lane) {
-            const Inputs& x = in[size_t(lane)];
-            double first[kSssHidden1], dLight[kSssLightInputs] = {}, dResidual[3];
-            sssNetworkFixed(w.data(), x.fixed, first);
-            const SssActivations<double> a = sssNetworkLight(w.data(), first, x.light);
-            for (int c = 0; c < 3; ++c) {
-                CHECK(std::abs(batch->residual[c][lane] - a.residual[c]) < 2e-5);
-                dResidual[c] = batch->dResidual[c][lane];
-            }
-            CHECK(std::abs(batch->share[lane] - a.share) < 2e-5);
-            sssNetworkLightBackward(w.data(), first, x.light, a, dResidual, double(batch->dShare[lane]), want.data(), &dFirst[size_t(lane * kSssHidden1)], dLight);
-        }
-        sssBatchLightBackward(weights, *batch, got.data());
+        CHECK(std::abs(batch->share[row] - a.share) < 2e-5);
+        sssNetworkLightBackward(w.data(), first, x.light, a, dResidual, double(batch->dShare[row]), want.data(), dFirst, dLight);
+        sssNetworkFixedBackward(w.data(), x.fixed, dFirst, want.data(), dFixed);
     }
-    sssBatchFixedBackward(*batch, got.data());
-    for (int lane = 0; lane < kSssLanes; ++lane) {
-        double dFixed[kSssFixedInputs] = {};
-        sssNetworkFixedBackward(w.data(), in[size_t(lane)].fixed, &dFirst[size_t(lane * kSssHidden1)], want.data(), dFixed);
-    }
+    sssBatchBackward(weights, kLights, *batch, got.data());
     double largest = 0;
     for (double x : want) largest = std::max(largest, std::abs(x));
     for (size_t k = 0; k < want.size(); ++k) CHECK(std::abs(got[k] - want[k]) < 1e-4 * largest);
     CHECK(largest > 0.1);
-    for (int k = 0; k < kSssHidden1; ++k) CHECK(batch->dFirst[k][5] == 0.0f);
+
+    std::memset(batch->dResidual, 0, sizeof batch->dResidual), std::memset(batch->dShare, 0, sizeof batch->dShare);
+    std::vector<float> nothing(kSssWeights);
+    sssBatchBackward(weights, kLights, *batch, nothing.data());
+    for (float x : nothing) CHECK(x == 0.0f);
 }

@@ -102,10 +102,9 @@ public:
                              ? 0
                              : std::min(parameters_.sFunctions, functionsOfDegree(std::min(4, int((progress - kScatterStart) / kBandEvery))));
         if (sharing_ && progress >= kShareFrom && step % kShareEvery == 0) shareIndirectLight(geometry);
-        const float fall = float(rate);
         for (const ChannelRow& c : kChannels)
-            for (int group = c.group; group <= c.last; ++group) update_.rate[group] = scheduled_ ? c.rate * fall : kPlainRate;
-        sharedRates_ = {scheduled_ ? kRateSharpness * fall : kPlainRate, scheduled_ ? kRateLobeColor * fall : kPlainRate, update_.beta1, update_.beta2};
+            for (int group = c.group; group <= c.last; ++group) update_.rate[group] = scheduled_ ? c.rate * float(rate) : kPlainRate;
+        sharedRates_ = {scheduled_ ? kRateSharpness * float(rate) : kPlainRate, scheduled_ ? kRateLobeColor * float(rate) : kPlainRate, update_.beta1, update_.beta2};
         update_.step = step;
         update_.positiveWeight = kPositiveWeight / float(parameters_.count);
         update_.energyWeight = kEnergyWeight / float(parameters_.count);

@@ -6,18 +6,17 @@
 namespace nacre {
 
 /// Gradient with respect to the surface and to the two directions (as free vectors: project before use on the sphere).
-template <class T>
-struct SssReflectGradient {
+template <class T> struct SssReflectGradient {
     T base[3] = {}, roughness = T(0), metalness = T(0), normal[3] = {}, wo[3] = {}, wi[3] = {};
 };
 
 /// Adds the gradient of sum_c dValue[c] * value[c] to `d`. `o` from sssReflect of the same arguments. Clamps pass no gradient.
 template <class T>
-NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, const T* wi, const SssReflection<T>& o, const T* dValue,
-                                        SssReflectGradient<T>& d)
+NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, const T* wi, const SssReflection<T>& o,
+                                        const T* dValue, SssReflectGradient<T>& d)
 {
     const T zero = T(0), one = T(1), pi = T(3.14159265358979);
-    if (!(o.nl > zero)) return; // lit from behind: zero, and flat
+    if (!(o.nl > zero)) return;                // lit from behind: zero, and flat
     T dSpecular = zero, dP = zero, dNl = zero; // of D * vis; of Schlick's power
     for (int c = 0; c < 3; ++c) {
         const T g = dValue[c] * o.nl, lambert = (one - s.metalness) * s.base[c] / pi;
@@ -70,16 +69,16 @@ NACRE_HD inline void sssPointLightBackward(const SssLightAt<T>& o, T radius, con
 }
 
 /// Gradient with respect to a pixel's channels, gathered over its lights.
-template <class T>
-struct SssPixelGradient {
+template <class T> struct SssPixelGradient {
     SssReflectGradient<T> surface;
     T direct = T(0), point[3] = {};
 };
 
 /// One point light (`intensity` rgb). dImage: gradient of the radiance times alpha. Writes dLight [4], adds to `d`.
 template <class T>
-NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* channels, const SssLightAt<T>& at, T radius, const T* intensity,
-                                           const SssReflection<T>& o, const T* dImage, T* dLight, SssPixelGradient<T>& d)
+NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* channels, const SssLightAt<T>& at, T radius,
+                                           const T* intensity, const SssReflection<T>& o, const T* dImage, T* dLight,
+                                           SssPixelGradient<T>& d)
 {
     dLight[kSssIncident] = T(0);
     for (int c = 0; c < 3; ++c) dLight[kSssScattered + c] = dImage[c];
@@ -101,7 +100,8 @@ NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* ch
 
 /// After all lights: overwrites dG [10] and dAlpha, the gradient with respect to the blended channels. `ray` as for sssPixel.
 template <class T>
-NACRE_HD inline void sssPixelBackward(const SssPixel<T>& pixel, const T* g, const T* ray, const SssPixelGradient<T>& d, T* dG, T* dAlpha)
+NACRE_HD inline void sssPixelBackward(const SssPixel<T>& pixel, const T* g, const T* ray, const SssPixelGradient<T>& d, T* dG,
+                                      T* dAlpha)
 {
     for (int k = 0; k < kSssSurfaceChannels; ++k) dG[k] = T(0);
     *dAlpha = T(0);

@@ -30,10 +30,10 @@ constexpr float kNetworkRate = 3e-3f;
 constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f;
 // Visibility and normals are taken from the geometry as in bigs.
 constexpr double kRenewAt[] = {0.02, 0.06, 0.16, 0.3, 0.5, 0.8};
-constexpr double kNormalsUntil = 0.4;
+constexpr double kNormalsUntil = 0.2;
 constexpr double kPartsJudgedAt = 0.3, kPartWorth = 0.1; // dB
-constexpr float kScatterPull = 2e-3f; // per splat and unit of subsurfaceness: what scatters has to earn it
-constexpr size_t kRanges = 64;        // of blocks: each sums its own gradient of the network, so threads cannot show
+constexpr float kScatterPull = 2e-3f;                    // per splat and unit of subsurfaceness: what scatters has to earn it
+constexpr size_t kRanges = 64; // of blocks: each sums its own gradient of the network, so threads cannot show
 
 float logistic(float x) { return 1.0f / (1.0f + std::exp(-x)); }
 
@@ -47,11 +47,6 @@ struct AdamRate {
     }
 };
 
-/// What a splat is under one light, beyond the network.
-struct Incident {
-    float wi[3], falloff, visibility, distance;
-};
-
 class SssModel final : public TrainableAppearance {
 public:
     explicit SssModel(const AppearanceOptions& options)
@@ -62,7 +57,8 @@ public:
             const float bound = gain * std::sqrt(6.0f / float(inputs));
             for (int k = 0; k < outputs * inputs; ++k) weights_.value[size_t(at + k)] = bound * (2 * random.uniform() - 1);
         };
-        layer(kSssFirstFixed, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1), layer(kSssFirstLight, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1);
+        layer(kSssFirstFixed, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1),
+            layer(kSssFirstLight, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1);
         layer(kSssSecond, kSssHidden2, kSssHidden1, 1), layer(kSssThird, kSssHidden3, kSssHidden2, 1);
         layer(kSssResidual, 3, kSssHidden3, 0.3f), layer(kSssShare, kSssHiddenShare, kSssHidden3, 1);
         for (int c = 0; c < 3; ++c) weights_.value[size_t(kSssResidualBias + c)] = -2.0f;
@@ -82,7 +78,8 @@ public:
     void copySplat(size_t from, size_t to) override
     {
         row_[to] = row_[from], momentum_[to] = second_[to] = Row{};
-        if (!visibility_.empty()) std::copy_n(&visibility_[from * kVisibilityTexels], kVisibilityTexels, &visibility_[to * kVisibilityTexels]);
+        if (!visibility_.empty())
+            std::copy_n(&visibility_[from * kVisibilityTexels], kVisibilityTexels, &visibility_[to * kVisibilityTexels]);
     }
     void permute(std::span<const uint32_t> order) override
     {
@@ -95,7 +92,8 @@ public:
         if (!visibility_.empty()) apply(visibility_, kVisibilityTexels);
     }
 
-    void beginStep(double progress, double rate, int step, const float*, std::span<const GaussianGeometry<float>> geometry) override
+    void beginStep(double progress, double rate, int step, const float*,
+                   std::span<const GaussianGeometry<float>> geometry) override
     {
         if (frame_[3] == 0) findFrame(geometry);
         const int due = int(std::upper_bound(std::begin(kRenewAt), std::end(kRenewAt), progress) - std::begin(kRenewAt));
@@ -111,25 +109,26 @@ public:
     void forward(const VisibleView& view, const LitView& lit, float* out) override
     {
         const size_t stride = size_t(channelStride(channels(lit.lightCount)));
-        forEachBlock(view, [&](size_t, size_t first, int lanes, SssBatch& batch) {
-            fillFixed(view, first, lanes, batch);
-            sssBatchFixed(weights_, batch);
+        batches_.resize((count() + kSssLanes - 1) / kSssLanes);
+        forEachBatch(view, [&](size_t, size_t first, int lanes) {
+            Batch& batch = batches_[first / kSssLanes];
+            fill(view, lit, first, lanes, batch);
+            if (residualOn_ || shareOn_) sssBatchForward(weights_, lit.lightCount, batch.network);
             for (int lane = 0; lane < lanes; ++lane) {
-                const uint32_t v = view.visibleFromSplat[first + size_t(lane)];
-                if (v != ~0u) surfaceChannels(view, lit, first + size_t(lane), out + v * stride);
-            }
-            for (int l = 0; l < lit.lightCount; ++l) {
-                Incident incident[kSssLanes];
-                fillLight(view, lit, l, first, lanes, batch, incident);
-                sssBatchLight(weights_, batch);
-                for (int lane = 0; lane < lanes; ++lane) {
-                    const uint32_t v = view.visibleFromSplat[first + size_t(lane)];
-                    if (v == ~0u) continue;
-                    const float scatter = subsurface(first + size_t(lane));
+                const size_t splat = first + size_t(lane);
+                const uint32_t v = view.visibleFromSplat[splat];
+                if (v == ~0u) continue;
+                surfaceChannels(view, lit, splat, out + v * stride);
+                const float scatter = subsurface(splat);
+                for (int l = 0; l < lit.lightCount; ++l) {
+                    const int row = l * kSssLanes + lane;
                     float* to = out + v * stride + kSssSurfaceChannels + kSssLightChannels * l;
-                    to[kSssIncident] = incident[lane].visibility * (shareOn_ ? batch.share[lane] : 1.0f);
+                    to[kSssIncident] =
+                        batch.network.light[row][kSssVisibilityInput] * (shareOn_ ? batch.network.share[row] : 1.0f);
                     for (int c = 0; c < 3; ++c)
-                        to[kSssScattered + c] = scatter * incident[lane].falloff * lit.lights[l].intensity[c] * batch.residual[c][lane];
+                        to[kSssScattered + c] = residualOn_ ? scatter * batch.falloff[row] * lit.lights[l].intensity[c] *
+                                                                  batch.network.residual[row][c]
+                                                            : 0.0f;
                 }
             }
         });
@@ -151,43 +150,41 @@ public:
     void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dChannels) override
     {
         const size_t stride = size_t(channelStride(channels(lit.lightCount)));
-        dWeights_.assign(kRanges * kSssWeights, 0.0f);
+        const bool network = residualOn_ || shareOn_;
+        if (network) dWeights_.assign(kRanges * kSssWeights, 0.0f);
         const AdamRate adam{rate_, correction1_, correction2_};
-        forEachBlock(view, [&](size_t range, size_t first, int lanes, SssBatch& batch) {
+        forEachBatch(view, [&](size_t range, size_t first, int lanes) {
+            Batch& batch = batches_[first / kSssLanes];
             bool any = false;
-            for (int lane = 0; lane < lanes; ++lane) any = any || isActive(view, active, first + size_t(lane));
-            if (!any) return;
-            fillFixed(view, first, lanes, batch);
-            sssBatchFixed(weights_, batch);
-            std::memset(batch.dFirst, 0, sizeof batch.dFirst);
             float dScatter[kSssLanes] = {};
-            float* dWeights = &dWeights_[range * kSssWeights];
-            for (int l = 0; l < lit.lightCount; ++l) {
-                Incident incident[kSssLanes];
-                fillLight(view, lit, l, first, lanes, batch, incident);
-                sssBatchLight(weights_, batch);
-                std::memset(batch.dResidual, 0, sizeof batch.dResidual), std::memset(batch.dShare, 0, sizeof batch.dShare);
-                for (int lane = 0; lane < lanes; ++lane) {
-                    const size_t splat = first + size_t(lane);
-                    if (!isActive(view, active, splat)) continue;
-                    const float scatter = subsurface(splat);
-                    const float* d = dChannels + view.visibleFromSplat[splat] * stride + kSssSurfaceChannels + kSssLightChannels * l;
-                    if (shareOn_) batch.dShare[lane] = d[kSssIncident] * incident[lane].visibility;
-                    for (int c = 0; c < 3 && residualOn_; ++c) {
-                        const float perResidual = d[kSssScattered + c] * incident[lane].falloff * lit.lights[l].intensity[c];
-                        batch.dResidual[c][lane] = perResidual * scatter;
-                        dScatter[lane] += perResidual * batch.residual[c][lane];
-                    }
-                }
-                sssBatchLightBackward(weights_, batch, dWeights);
-            }
-            sssBatchFixedBackward(batch, dWeights);
+            std::memset(batch.network.dResidual, 0, sizeof batch.network.dResidual),
+                std::memset(batch.network.dShare, 0, sizeof batch.network.dShare);
             for (int lane = 0; lane < lanes; ++lane) {
                 const size_t splat = first + size_t(lane);
-                if (isActive(view, active, splat)) stepRow(splat, dChannels + view.visibleFromSplat[splat] * stride, dScatter[lane], adam);
+                if (!isActive(view, active, splat)) continue;
+                any = true;
+                const float scatter = subsurface(splat);
+                for (int l = 0; l < lit.lightCount; ++l) {
+                    const int row = l * kSssLanes + lane;
+                    const float* d =
+                        dChannels + view.visibleFromSplat[splat] * stride + kSssSurfaceChannels + kSssLightChannels * l;
+                    if (shareOn_) batch.network.dShare[row] = d[kSssIncident] * batch.network.light[row][kSssVisibilityInput];
+                    for (int c = 0; c < 3 && residualOn_; ++c) {
+                        const float perResidual = d[kSssScattered + c] * batch.falloff[row] * lit.lights[l].intensity[c];
+                        batch.network.dResidual[row][c] = perResidual * scatter;
+                        dScatter[lane] += perResidual * batch.network.residual[row][c];
+                    }
+                }
+            }
+            if (!any) return;
+            if (network) sssBatchBackward(weights_, lit.lightCount, batch.network, &dWeights_[range * kSssWeights]);
+            for (int lane = 0; lane < lanes; ++lane) {
+                const size_t splat = first + size_t(lane);
+                if (isActive(view, active, splat))
+                    stepRow(splat, dChannels + view.visibleFromSplat[splat] * stride, dScatter[lane], adam);
             }
         });
-        stepNetwork(adam);
+        if (network) stepNetwork(adam);
     }
 
     std::vector<OptionalPart> optionalParts() const override
@@ -241,8 +238,9 @@ public:
         const uint8_t parts = in.value<uint8_t>();
         residualOn_ = parts & 1, shareOn_ = parts & 2, visibilityOn_ = parts & 4;
         const size_t n = row_.size();
-        if (in.failed || momentum_.size() != n || second_.size() != n || (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) ||
-            weights_.value.size() != kSssWeights || networkMomentum_.size() != kSssWeights || networkSecond_.size() != kSssWeights)
+        if (in.failed || momentum_.size() != n || second_.size() != n ||
+            (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) || weights_.value.size() != kSssWeights ||
+            networkMomentum_.size() != kSssWeights || networkSecond_.size() != kSssWeights)
             return false;
         if (frame.size() != 4) return false;
         std::copy_n(frame.begin(), 4, frame_);
@@ -257,50 +255,50 @@ private:
         return v != ~0u && active[v];
     }
 
-    template <class Work>
-    void forEachBlock(const VisibleView& view, Work work)
+    /// Sixteen splats between forward and backward.
+    struct Batch {
+        SssBatch network;
+        float falloff[kSssRows];
+    };
+
+    // work(range, first splat, splats) for the batches that the camera sees something of
+    template <class Work> void forEachBatch(const VisibleView& view, Work work)
     {
-        const size_t blocks = (count() + kSssLanes - 1) / kSssLanes;
+        const size_t batches = (count() + kSssLanes - 1) / kSssLanes;
         tbb::parallel_for(size_t(0), kRanges, [&](size_t range) {
-            SssBatch batch;
-            for (size_t block = blocks * range / kRanges; block < blocks * (range + 1) / kRanges; ++block) {
-                const size_t first = block * kSssLanes;
+            for (size_t batch = batches * range / kRanges; batch < batches * (range + 1) / kRanges; ++batch) {
+                const size_t first = batch * kSssLanes;
                 const int lanes = int(std::min<size_t>(kSssLanes, count() - first));
                 bool any = false;
                 for (int lane = 0; lane < lanes; ++lane) any = any || view.visibleFromSplat[first + size_t(lane)] != ~0u;
-                if (any) work(range, first, lanes, batch);
+                if (any) work(range, first, lanes);
             }
         });
     }
 
     // Lanes beyond the last splat repeat it.
-    void fillFixed(const VisibleView& view, size_t first, int lanes, SssBatch& batch) const
+    void fill(const VisibleView& view, const LitView& lit, size_t first, int lanes, Batch& batch) const
     {
         for (int lane = 0; lane < kSssLanes; ++lane) {
             const size_t splat = first + size_t(std::min(lane, lanes - 1));
             const GaussianGeometry<float>& g = view.geometry[splat];
-            float unit[4], normal[3], in[kSssFixedInputs];
+            float unit[4], normal[3];
             detail::normalizeQuaternion(g.rotation, unit);
             unitNormal(splat, normal);
-            sssFixedInputs(g.position, g.scale, unit, normal, frame_, in);
-            for (int k = 0; k < kSssFixedInputs; ++k) batch.fixed[k][lane] = in[k];
-        }
-    }
-
-    void fillLight(const VisibleView& view, const LitView& lit, int l, size_t first, int lanes, SssBatch& batch, Incident* incident) const
-    {
-        const Light& light = lit.lights[l];
-        for (int lane = 0; lane < kSssLanes; ++lane) {
-            const size_t splat = first + size_t(std::min(lane, lanes - 1));
-            const float* p = view.geometry[splat].position;
-            const LightSample<float> toEye = samplePointLight(lit.eye, 0.0f, p);
-            const LightSample<float> s = sampleLight(light, p);
-            const float distance = light.type == LightType::kPoint ? glm::distance(light.position, glm::vec3(p[0], p[1], p[2])) : -1.0f;
-            const float visibility = visibility_.empty() ? 1.0f : mapVisibility(VisibilityMap{&visibility_[splat * kVisibilityTexels]}, s.dir);
-            float in[kSssLightInputs];
-            sssLightInputs(toEye.dir, s.dir, visibility, distance * frame_[3], in);
-            for (int k = 0; k < kSssLightInputs; ++k) batch.light[k][lane] = in[k];
-            incident[lane] = {{s.dir[0], s.dir[1], s.dir[2]}, s.falloff, visibility, distance};
+            sssFixedInputs(g.position, g.scale, unit, normal, frame_, batch.network.fixed[lane]);
+            const LightSample<float> toEye = samplePointLight(lit.eye, 0.0f, g.position);
+            for (int l = 0; l < lit.lightCount; ++l) {
+                const Light& light = lit.lights[l];
+                const int row = l * kSssLanes + lane;
+                const LightSample<float> s = sampleLight(light, g.position);
+                const float distance = light.type == LightType::kPoint
+                                           ? glm::distance(light.position, glm::vec3(g.position[0], g.position[1], g.position[2]))
+                                           : -1.0f;
+                const float visibility =
+                    visibility_.empty() ? 1.0f : mapVisibility(VisibilityMap{&visibility_[splat * kVisibilityTexels]}, s.dir);
+                sssLightInputs(toEye.dir, s.dir, visibility, distance * frame_[3], batch.network.light[row]);
+                batch.falloff[row] = s.falloff;
+            }
         }
     }
 
@@ -341,7 +339,8 @@ private:
         const float* p = view.geometry[splat].position;
         unitNormal(splat, out + kSssNormal);
         for (int c = 0; c < 3; ++c) out[kSssBase + c] = logistic(r[size_t(kBase + c)]);
-        out[kSssRoughness] = logistic(r[kRough]), out[kSssMetalness] = logistic(r[kMetal]), out[kSssSubsurface] = subsurface(splat);
+        out[kSssRoughness] = logistic(r[kRough]), out[kSssMetalness] = logistic(r[kMetal]),
+        out[kSssSubsurface] = subsurface(splat);
         const float d[3] = {p[0] - lit.eye[0], p[1] - lit.eye[1], p[2] - lit.eye[2]};
         out[kSssDepth] = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     }
@@ -350,10 +349,14 @@ private:
     {
         Row& r = row_[splat];
         float gradient[kRowFloats], normal[3], along = 0;
-        const auto through = [](float raw) { const float y = logistic(raw); return y * (1 - y); };
+        const auto through = [](float raw) {
+            const float y = logistic(raw);
+            return y * (1 - y);
+        };
         for (int c = 0; c < 3; ++c) gradient[kBase + c] = d[kSssBase + c] * through(r[size_t(kBase + c)]);
         gradient[kRough] = d[kSssRoughness] * through(r[kRough]), gradient[kMetal] = d[kSssMetalness] * through(r[kMetal]);
-        gradient[kScatter] = residualOn_ ? (d[kSssSubsurface] + dScatter + kScatterPull / float(count())) * through(r[kScatter]) : 0.0f;
+        gradient[kScatter] =
+            residualOn_ ? (d[kSssSubsurface] + dScatter + kScatterPull / float(count())) * through(r[kScatter]) : 0.0f;
         unitNormal(splat, normal);
         for (int k = 0; k < 3; ++k) along += d[kSssNormal + k] * normal[k];
         for (int k = 0; k < 3; ++k) gradient[kNormal + k] = d[kSssNormal + k] - along * normal[k];
@@ -377,7 +380,8 @@ private:
         weights_.transpose();
     }
 
-    // The short axis, on the side that more light reaches (after the first renewal), else on the side away from the middle of all.
+    // The short axis, on the side that more light reaches (after the first renewal), else on the side away from the middle of
+    // all.
     void findNormals(std::span<const GaussianGeometry<float>> geometry)
     {
         glm::vec3 center(0);
@@ -408,6 +412,7 @@ private:
 
     std::vector<Row> row_, momentum_, second_;
     std::vector<uint8_t> visibility_;
+    AlignedVector<Batch> batches_;
     float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
     bool residualOn_ = true, shareOn_ = true, visibilityOn_ = true;
     SssWeights weights_;
@@ -418,6 +423,9 @@ private:
 
 } // namespace
 
-std::unique_ptr<TrainableAppearance> makeSssModel(const AppearanceOptions& options) { return std::make_unique<SssModel>(options); }
+std::unique_ptr<TrainableAppearance> makeSssModel(const AppearanceOptions& options)
+{
+    return std::make_unique<SssModel>(options);
+}
 
 } // namespace nacre

@@ -7,7 +7,8 @@ namespace nacre {
 
 /// Of sssLayer: adds to the gradients of weight, bias and in. dBias and dIn may be null.
 template <class T>
-NACRE_HD inline void sssLayerBackward(const T* weight, const T* in, int inputs, int outputs, const T* dOut, T* dWeight, T* dBias, T* dIn)
+NACRE_HD inline void sssLayerBackward(const T* weight, const T* in, int inputs, int outputs, const T* dOut, T* dWeight, T* dBias,
+                                      T* dIn)
 {
     for (int j = 0; j < outputs; ++j) {
         if (dBias) dBias[j] += dOut[j];
@@ -18,11 +19,11 @@ NACRE_HD inline void sssLayerBackward(const T* weight, const T* in, int inputs, 
     }
 }
 
-/// Adds the gradient of one Gaussian under one light. `a` from sssNetworkLight. dFirst [64]: of sssNetworkFixed's result, which holds the
-/// bias as well; dLight [8].
+/// Adds the gradient of one Gaussian under one light. `a` from sssNetworkLight. dFirst [64]: of sssNetworkFixed's result, which
+/// holds the bias as well; dLight [8].
 template <class T>
-NACRE_HD inline void sssNetworkLightBackward(const T* w, const T* first, const T* light, const SssActivations<T>& a, const T* dResidual, T dShare,
-                                             T* dWeights, T* dFirst, T* dLight)
+NACRE_HD inline void sssNetworkLightBackward(const T* w, const T* first, const T* light, const SssActivations<T>& a,
+                                             const T* dResidual, T dShare, T* dWeights, T* dFirst, T* dLight)
 {
     (void)first;
     const auto rectifier = [](const T* h, T* d, int n) {
@@ -40,7 +41,8 @@ NACRE_HD inline void sssNetworkLightBackward(const T* w, const T* first, const T
     rectifier(a.h2, d2, kSssHidden2);
     sssLayerBackward(w + kSssSecond, a.h1, kSssHidden1, kSssHidden2, d2, dWeights + kSssSecond, dWeights + kSssSecondBias, d1);
     rectifier(a.h1, d1, kSssHidden1);
-    sssLayerBackward(w + kSssFirstLight, light, kSssLightInputs, kSssHidden1, d1, dWeights + kSssFirstLight, static_cast<T*>(nullptr), dLight);
+    sssLayerBackward(w + kSssFirstLight, light, kSssLightInputs, kSssHidden1, d1, dWeights + kSssFirstLight,
+                     static_cast<T*>(nullptr), dLight);
     for (int k = 0; k < kSssHidden1; ++k) dFirst[k] += d1[k];
 }
 
@@ -48,7 +50,8 @@ NACRE_HD inline void sssNetworkLightBackward(const T* w, const T* first, const T
 template <class T>
 NACRE_HD inline void sssNetworkFixedBackward(const T* w, const T* fixed, const T* dFirst, T* dWeights, T* dFixed)
 {
-    sssLayerBackward(w + kSssFirstFixed, fixed, kSssFixedInputs, kSssHidden1, dFirst, dWeights + kSssFirstFixed, dWeights + kSssFirstBias, dFixed);
+    sssLayerBackward(w + kSssFirstFixed, fixed, kSssFixedInputs, kSssHidden1, dFirst, dWeights + kSssFirstFixed,
+                     dWeights + kSssFirstBias, dFixed);
 }
 
 } // namespace nacre

@@ -16,154 +16,191 @@ namespace nacre {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-using D = hn::CappedTag<float, kSssLanes>;
+using D = hn::CappedTag<float, 8>;
 using V = hn::Vec<D>;
 constexpr int kN = int(hn::MaxLanes(D()));
-constexpr int kVectors = kSssLanes / kN;
 
-// out[j] (+)= bias[j] + sum_i matrix[i][j] in[i], for all lanes. Four outputs at a time stay in registers.
-template <int In, int Out, bool Add>
-HWY_INLINE void product(const float* matrix, const float* bias, const float* in, float* out)
+enum Start { kZero, kBias, kAdd }; // what a sum starts from
+
+// out[row][j] = start + sum_k a[row][k] b[k][j], N columns. Tiles of four rows by two vectors stay in registers.
+template <int K, int N, Start S>
+HWY_INLINE void product(const float* a, int aStride, const float* b, const float* bias, int rows, float* out)
 {
     const D d;
-    constexpr int kTile = Out % 4 == 0 ? 4 : Out;
-    static_assert(kTile <= 4);
-    for (int j = 0; j < Out; j += kTile) {
-        V sum[kTile][kVectors];
-        for (int t = 0; t < kTile; ++t)
-            for (int v = 0; v < kVectors; ++v)
-                sum[t][v] = Add ? hn::Load(d, out + (j + t) * kSssLanes + v * kN) : hn::Set(d, bias ? bias[j + t] : 0.0f);
-        for (int i = 0; i < In; ++i)
-            for (int v = 0; v < kVectors; ++v) {
-                const V x = hn::Load(d, in + i * kSssLanes + v * kN);
-                for (int t = 0; t < kTile; ++t) sum[t][v] = hn::MulAdd(hn::Set(d, matrix[i * Out + j + t]), x, sum[t][v]);
-            }
-        for (int t = 0; t < kTile; ++t)
-            for (int v = 0; v < kVectors; ++v) hn::Store(sum[t][v], d, out + (j + t) * kSssLanes + v * kN);
-    }
+    constexpr int kVectors = 16 / kN;
+    static_assert(N % 16 == 0);
+    for (int row = 0; row < rows; row += 4)
+        for (int j = 0; j < N; j += 16) {
+            V sum[4][kVectors];
+            for (int r = 0; r < 4; ++r)
+                for (int v = 0; v < kVectors; ++v)
+                    sum[r][v] = S == kZero ? hn::Zero(d)
+                                           : hn::LoadU(d, S == kBias ? bias + j + v * kN : out + (row + r) * N + j + v * kN);
+            for (int k = 0; k < K; ++k)
+                for (int v = 0; v < kVectors; ++v) {
+                    const V column = hn::LoadU(d, b + k * N + j + v * kN);
+                    for (int r = 0; r < 4; ++r) sum[r][v] = hn::MulAdd(hn::Set(d, a[(row + r) * aStride + k]), column, sum[r][v]);
+                }
+            for (int r = 0; r < 4; ++r)
+                for (int v = 0; v < kVectors; ++v) hn::Store(sum[r][v], d, out + (row + r) * N + j + v * kN);
+        }
 }
 
-// dWeight[j][i] += sum over lanes of dOut[j] in[i]; dBias likewise, unless null.
-template <int In, int Out>
-HWY_INLINE void outerProduct(const float* dOut, const float* in, float* dWeight, float* dBias)
+// out[row][j] = bias[j] + sum_k a[row][k] w[j][k]: few outputs, vectors along the inputs.
+template <int K, int N> HWY_INLINE void narrowProduct(const float* a, const float* w, const float* bias, int rows, float* out)
 {
     const D d;
-    constexpr int kRow = (In + kN - 1) / kN; // vectors per row of features
-    alignas(64) float turned[kSssLanes][kRow * kN]; // by lane
-    if (In % kN) std::memset(turned, 0, sizeof turned);
-    for (int i = 0; i < In; ++i)
-        for (int lane = 0; lane < kSssLanes; ++lane) turned[lane][i] = in[i * kSssLanes + lane];
-    for (int j = 0; j < Out; ++j) {
-        const float* g = dOut + j * kSssLanes;
-        V sum[kRow];
-        for (int k = 0; k < kRow; ++k) sum[k] = hn::Zero(d);
-        float total = 0;
-        for (int lane = 0; lane < kSssLanes; ++lane) {
-            const V x = hn::Set(d, g[lane]);
-            total += g[lane];
-            for (int k = 0; k < kRow; ++k) sum[k] = hn::MulAdd(x, hn::Load(d, turned[lane] + k * kN), sum[k]);
+    for (int row = 0; row < rows; ++row)
+        for (int j = 0; j < N; ++j) {
+            V sum = hn::Zero(d);
+            for (int k = 0; k < K; k += kN) sum = hn::MulAdd(hn::Load(d, a + row * K + k), hn::LoadU(d, w + j * K + k), sum);
+            out[row * N + j] = bias[j] + hn::GetLane(hn::SumOfLanes(d, sum));
         }
-        float* row = dWeight + j * In;
-        for (int k = 0; k < kRow; ++k) {
-            if ((k + 1) * kN <= In) {
-                hn::StoreU(hn::Add(hn::LoadU(d, row + k * kN), sum[k]), d, row + k * kN);
+}
+
+// What follows for `Outputs` rows of weights and `Vectors` vectors of inputs, whose sums stay in registers. `in` and dWeight
+// point at the first.
+template <int Outputs, int Vectors>
+HWY_INLINE void outerTile(const float* dOut, int outStride, const float* in, int inStride, int rows, int inputs, float* dWeight,
+                          int weightStride)
+{
+    const D d;
+    V sum[Outputs][Vectors];
+    for (int t = 0; t < Outputs; ++t)
+        for (int v = 0; v < Vectors; ++v) sum[t][v] = hn::Zero(d);
+    for (int row = 0; row < rows; ++row)
+        for (int v = 0; v < Vectors; ++v) {
+            const V x = hn::Load(d, in + row * inStride + v * kN);
+            for (int t = 0; t < Outputs; ++t) sum[t][v] = hn::MulAdd(hn::Set(d, dOut[row * outStride + t]), x, sum[t][v]);
+        }
+    for (int t = 0; t < Outputs; ++t)
+        for (int v = 0; v < Vectors; ++v) {
+            float* to = dWeight + t * weightStride + v * kN;
+            const int rest = inputs - v * kN;
+            if (rest >= kN) {
+                hn::StoreU(hn::Add(hn::LoadU(d, to), sum[t][v]), d, to);
             } else {
-                alignas(64) float rest[kN];
-                hn::Store(sum[k], d, rest);
-                for (int i = 0; i < In % kN; ++i) row[k * kN + i] += rest[i];
+                alignas(64) float last[kN];
+                hn::Store(sum[t][v], d, last);
+                for (int i = 0; i < rest; ++i) to[i] += last[i];
             }
         }
-        if (dBias) dBias[j] += total;
+}
+
+// dWeight[j][i] += sum over rows of dOut[row][j] in[row][i]
+template <int In, int Out>
+HWY_INLINE void outerProduct(const float* dOut, const float* in, int inStride, int rows, float* dWeight)
+{
+    constexpr int kOutputs = Out % 2 == 0 ? 2 : 1, kVectors = (In + kN - 1) / kN, kWhole = kVectors / 4 * 4,
+                  kRest = kVectors - kWhole;
+    for (int j = 0; j < Out; j += kOutputs) {
+        float* to = dWeight + j * In;
+        for (int v = 0; v < kWhole; v += 4)
+            outerTile<kOutputs, 4>(dOut + j, Out, in + v * kN, inStride, rows, In - v * kN, to + v * kN, In);
+        if constexpr (kRest > 0)
+            outerTile<kOutputs, kRest>(dOut + j, Out, in + kWhole * kN, inStride, rows, In - kWhole * kN, to + kWhole * kN, In);
     }
 }
 
-HWY_INLINE void leaky(float* x, int rows)
+// dBias[j] += sum over rows of dOut[row][j]
+template <int Out> HWY_INLINE void sumRows(const float* dOut, int rows, float* dBias)
+{
+    for (int row = 0; row < rows; ++row)
+        for (int j = 0; j < Out; ++j) dBias[j] += dOut[row * Out + j];
+}
+
+HWY_INLINE void leaky(float* x, int floats)
 {
     const D d;
-    for (int k = 0; k < rows * kSssLanes; k += kN) {
+    for (int k = 0; k < floats; k += kN) {
         const V v = hn::Load(d, x + k);
         hn::Store(hn::Max(v, hn::Mul(v, hn::Set(d, kSssLeak))), d, x + k);
     }
 }
 
-HWY_INLINE void leakyBackward(const float* h, float* dx, int rows)
+HWY_INLINE void leakyBackward(const float* h, float* dx, int floats)
 {
     const D d;
-    for (int k = 0; k < rows * kSssLanes; k += kN) {
+    for (int k = 0; k < floats; k += kN) {
         const V g = hn::Load(d, dx + k);
         hn::Store(hn::IfThenElse(hn::Gt(hn::Load(d, h + k), hn::Zero(d)), g, hn::Mul(g, hn::Set(d, kSssLeak))), d, dx + k);
     }
 }
 
 // scale / (1 + exp(-x)); the exponent is held where a float ends
-HWY_INLINE void logistic(float* x, int rows, float scale)
+HWY_INLINE void logistic(float* x, int floats, float scale)
 {
     const D d;
-    for (int k = 0; k < rows * kSssLanes; k += kN) {
+    for (int k = 0; k < floats; k += kN) {
         const V limited = hn::Min(hn::Max(hn::Load(d, x + k), hn::Set(d, -80.0f)), hn::Set(d, 80.0f));
         const V e = exp2(d, hn::Mul(limited, hn::Set(d, -1.44269504f)));
         hn::Store(hn::Div(hn::Set(d, scale), hn::Add(hn::Set(d, 1.0f), e)), d, x + k);
     }
 }
 
-void batchFixed(const SssWeights& w, SssBatch& b)
+void batchForward(const SssWeights& w, int lights, SssBatch& b)
 {
-    product<kSssFixedInputs, kSssHidden1, false>(&w.transposed[kSssFirstFixed], &w.value[kSssFirstBias], b.fixed[0], b.first[0]);
+    const float *m = w.transposed.data(), *value = w.value.data();
+    const int rows = lights * kSssLanes;
+    product<kSssFixedInputs, kSssHidden1, kBias>(b.fixed[0], kSssFixedStride, m + kSssFirstFixed, value + kSssFirstBias,
+                                                 kSssLanes, b.first[0]);
+    for (int l = 0; l < lights; ++l) std::memcpy(b.h1[l * kSssLanes], b.first, sizeof b.first);
+    product<kSssLightInputs, kSssHidden1, kAdd>(b.light[0], kSssLightInputs, m + kSssFirstLight, nullptr, rows, b.h1[0]);
+    leaky(b.h1[0], rows * kSssHidden1);
+    product<kSssHidden1, kSssHidden2, kBias>(b.h1[0], kSssHidden1, m + kSssSecond, value + kSssSecondBias, rows, b.h2[0]);
+    leaky(b.h2[0], rows * kSssHidden2);
+    product<kSssHidden2, kSssHidden3, kBias>(b.h2[0], kSssHidden2, m + kSssThird, value + kSssThirdBias, rows, b.h3[0]);
+    leaky(b.h3[0], rows * kSssHidden3);
+    narrowProduct<kSssHidden3, 3>(b.h3[0], value + kSssResidual, value + kSssResidualBias, rows, b.residual[0]);
+    logistic(b.residual[0], rows * 3, 1.0f);
+    product<kSssHidden3, kSssHiddenShare, kBias>(b.h3[0], kSssHidden3, m + kSssShare, value + kSssShareBias, rows, b.hs[0]);
+    leaky(b.hs[0], rows * kSssHiddenShare);
+    narrowProduct<kSssHiddenShare, 1>(b.hs[0], value + kSssShareOut, value + kSssShareOutBias, rows, b.share);
+    logistic(b.share, rows, 2.0f);
 }
 
-void batchLight(const SssWeights& w, SssBatch& b)
-{
-    const float *m = w.transposed.data(), *bias = w.value.data();
-    std::memcpy(b.h1, b.first, sizeof b.h1);
-    product<kSssLightInputs, kSssHidden1, true>(m + kSssFirstLight, nullptr, b.light[0], b.h1[0]);
-    leaky(b.h1[0], kSssHidden1);
-    product<kSssHidden1, kSssHidden2, false>(m + kSssSecond, bias + kSssSecondBias, b.h1[0], b.h2[0]);
-    leaky(b.h2[0], kSssHidden2);
-    product<kSssHidden2, kSssHidden3, false>(m + kSssThird, bias + kSssThirdBias, b.h2[0], b.h3[0]);
-    leaky(b.h3[0], kSssHidden3);
-    product<kSssHidden3, 3, false>(m + kSssResidual, bias + kSssResidualBias, b.h3[0], b.residual[0]);
-    logistic(b.residual[0], 3, 1.0f);
-    product<kSssHidden3, kSssHiddenShare, false>(m + kSssShare, bias + kSssShareBias, b.h3[0], b.hs[0]);
-    leaky(b.hs[0], kSssHiddenShare);
-    product<kSssHiddenShare, 1, false>(m + kSssShareOut, bias + kSssShareOutBias, b.hs[0], b.share);
-    logistic(b.share, 1, 2.0f);
-}
-
-void batchLightBackward(const SssWeights& w, SssBatch& b, float* dW)
+void batchBackward(const SssWeights& w, int lights, const SssBatch& b, float* dW)
 {
     const D d;
-    const float* m = w.value.data(); // [out][in] is the transpose of what the gradient of the inputs needs
-    alignas(64) float d1[kSssHidden1 * kSssLanes], d2[kSssHidden2 * kSssLanes], d3[kSssHidden3 * kSssLanes], ds[kSssHiddenShare * kSssLanes];
-    alignas(64) float dr[3 * kSssLanes], dOut[kSssLanes];
-    for (int k = 0; k < kSssLanes; k += kN) {
+    const float* m = w.value.data(); // [out][in] is what the gradient of the inputs needs
+    const int rows = lights * kSssLanes;
+    alignas(64) float d1[kSssRows * kSssHidden1], d2[kSssRows * kSssHidden2], d3[kSssRows * kSssHidden3],
+        ds[kSssRows * kSssHiddenShare];
+    alignas(64) float dr[kSssRows * 3], dOut[kSssRows], dFirst[kSssLanes * kSssHidden1];
+    for (int k = 0; k < rows; k += kN) {
         const V s = hn::Load(d, b.share + k);
-        hn::Store(hn::Mul(hn::Mul(hn::Load(d, b.dShare + k), s), hn::NegMulAdd(hn::Set(d, 0.5f), s, hn::Set(d, 1.0f))), d, dOut + k);
+        hn::Store(hn::Mul(hn::Mul(hn::Load(d, b.dShare + k), s), hn::NegMulAdd(hn::Set(d, 0.5f), s, hn::Set(d, 1.0f))), d,
+                  dOut + k);
     }
-    for (int k = 0; k < 3 * kSssLanes; k += kN) {
+    for (int k = 0; k < 3 * rows; k += kN) {
         const V r = hn::Load(d, b.residual[0] + k);
         hn::Store(hn::Mul(hn::Mul(hn::Load(d, b.dResidual[0] + k), r), hn::Sub(hn::Set(d, 1.0f), r)), d, dr + k);
     }
-    outerProduct<kSssHiddenShare, 1>(dOut, b.hs[0], dW + kSssShareOut, dW + kSssShareOutBias);
-    product<1, kSssHiddenShare, false>(m + kSssShareOut, nullptr, dOut, ds);
-    leakyBackward(b.hs[0], ds, kSssHiddenShare);
-    outerProduct<kSssHidden3, kSssHiddenShare>(ds, b.h3[0], dW + kSssShare, dW + kSssShareBias);
-    product<kSssHiddenShare, kSssHidden3, false>(m + kSssShare, nullptr, ds, d3);
-    outerProduct<kSssHidden3, 3>(dr, b.h3[0], dW + kSssResidual, dW + kSssResidualBias);
-    product<3, kSssHidden3, true>(m + kSssResidual, nullptr, dr, d3);
-    leakyBackward(b.h3[0], d3, kSssHidden3);
-    outerProduct<kSssHidden2, kSssHidden3>(d3, b.h2[0], dW + kSssThird, dW + kSssThirdBias);
-    product<kSssHidden3, kSssHidden2, false>(m + kSssThird, nullptr, d3, d2);
-    leakyBackward(b.h2[0], d2, kSssHidden2);
-    outerProduct<kSssHidden1, kSssHidden2>(d2, b.h1[0], dW + kSssSecond, dW + kSssSecondBias);
-    product<kSssHidden2, kSssHidden1, false>(m + kSssSecond, nullptr, d2, d1);
-    leakyBackward(b.h1[0], d1, kSssHidden1);
-    outerProduct<kSssLightInputs, kSssHidden1>(d1, b.light[0], dW + kSssFirstLight, nullptr);
-    for (int k = 0; k < kSssHidden1 * kSssLanes; k += kN) hn::Store(hn::Add(hn::Load(d, b.dFirst[0] + k), hn::Load(d, d1 + k)), d, b.dFirst[0] + k);
-}
-
-void batchFixedBackward(const SssBatch& b, float* dW)
-{
-    outerProduct<kSssFixedInputs, kSssHidden1>(b.dFirst[0], b.fixed[0], dW + kSssFirstFixed, dW + kSssFirstBias);
+    outerProduct<kSssHiddenShare, 1>(dOut, b.hs[0], kSssHiddenShare, rows, dW + kSssShareOut),
+        sumRows<1>(dOut, rows, dW + kSssShareOutBias);
+    product<1, kSssHiddenShare, kZero>(dOut, 1, m + kSssShareOut, nullptr, rows, ds);
+    leakyBackward(b.hs[0], ds, rows * kSssHiddenShare);
+    outerProduct<kSssHidden3, kSssHiddenShare>(ds, b.h3[0], kSssHidden3, rows, dW + kSssShare),
+        sumRows<kSssHiddenShare>(ds, rows, dW + kSssShareBias);
+    product<kSssHiddenShare, kSssHidden3, kZero>(ds, kSssHiddenShare, m + kSssShare, nullptr, rows, d3);
+    outerProduct<kSssHidden3, 3>(dr, b.h3[0], kSssHidden3, rows, dW + kSssResidual), sumRows<3>(dr, rows, dW + kSssResidualBias);
+    product<3, kSssHidden3, kAdd>(dr, 3, m + kSssResidual, nullptr, rows, d3);
+    leakyBackward(b.h3[0], d3, rows * kSssHidden3);
+    outerProduct<kSssHidden2, kSssHidden3>(d3, b.h2[0], kSssHidden2, rows, dW + kSssThird),
+        sumRows<kSssHidden3>(d3, rows, dW + kSssThirdBias);
+    product<kSssHidden3, kSssHidden2, kZero>(d3, kSssHidden3, m + kSssThird, nullptr, rows, d2);
+    leakyBackward(b.h2[0], d2, rows * kSssHidden2);
+    outerProduct<kSssHidden1, kSssHidden2>(d2, b.h1[0], kSssHidden1, rows, dW + kSssSecond),
+        sumRows<kSssHidden2>(d2, rows, dW + kSssSecondBias);
+    product<kSssHidden2, kSssHidden1, kZero>(d2, kSssHidden2, m + kSssSecond, nullptr, rows, d1);
+    leakyBackward(b.h1[0], d1, rows * kSssHidden1);
+    outerProduct<kSssLightInputs, kSssHidden1>(d1, b.light[0], kSssLightInputs, rows, dW + kSssFirstLight);
+    std::memcpy(dFirst, d1, sizeof dFirst);
+    for (int l = 1; l < lights; ++l)
+        for (int k = 0; k < kSssLanes * kSssHidden1; k += kN)
+            hn::Store(hn::Add(hn::Load(d, dFirst + k), hn::Load(d, d1 + l * kSssLanes * kSssHidden1 + k)), d, dFirst + k);
+    outerProduct<kSssFixedInputs, kSssHidden1>(dFirst, b.fixed[0], kSssFixedStride, kSssLanes, dW + kSssFirstFixed);
+    sumRows<kSssHidden1>(dFirst, kSssLanes, dW + kSssFirstBias);
 }
 
 } // namespace HWY_NAMESPACE
@@ -173,10 +210,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace nacre {
 
-HWY_EXPORT(batchFixed);
-HWY_EXPORT(batchLight);
-HWY_EXPORT(batchLightBackward);
-HWY_EXPORT(batchFixedBackward);
+HWY_EXPORT(batchForward);
+HWY_EXPORT(batchBackward);
 
 void SssWeights::transpose()
 {
@@ -188,15 +223,17 @@ void SssWeights::transpose()
     matrix(kSssFirstLight, kSssHidden1, kSssLightInputs);
     matrix(kSssSecond, kSssHidden2, kSssHidden1);
     matrix(kSssThird, kSssHidden3, kSssHidden2);
-    matrix(kSssResidual, 3, kSssHidden3);
     matrix(kSssShare, kSssHiddenShare, kSssHidden3);
-    matrix(kSssShareOut, 1, kSssHiddenShare);
 }
 
-void sssBatchFixed(const SssWeights& weights, SssBatch& batch) { HWY_DYNAMIC_DISPATCH(batchFixed)(weights, batch); }
-void sssBatchLight(const SssWeights& weights, SssBatch& batch) { HWY_DYNAMIC_DISPATCH(batchLight)(weights, batch); }
-void sssBatchLightBackward(const SssWeights& weights, SssBatch& batch, float* dWeights) { HWY_DYNAMIC_DISPATCH(batchLightBackward)(weights, batch, dWeights); }
-void sssBatchFixedBackward(const SssBatch& batch, float* dWeights) { HWY_DYNAMIC_DISPATCH(batchFixedBackward)(batch, dWeights); }
+void sssBatchForward(const SssWeights& weights, int lights, SssBatch& batch)
+{
+    HWY_DYNAMIC_DISPATCH(batchForward)(weights, lights, batch);
+}
+void sssBatchBackward(const SssWeights& weights, int lights, const SssBatch& batch, float* dWeights)
+{
+    HWY_DYNAMIC_DISPATCH(batchBackward)(weights, lights, batch, dWeights);
+}
 
 } // namespace nacre
 #endif

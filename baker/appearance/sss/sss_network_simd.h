@@ -1,18 +1,21 @@
-// The sss network for sixteen Gaussians under one light at a time. SIMD twin of sss_network.h and sss_network_backward.h; parity test:
-// tests/unit/train_sss.cpp.
+// The sss network for sixteen Gaussians and up to four lights at a time. SIMD twin of sss_network.h and sss_network_backward.h;
+// parity test: tests/unit/train_sss.cpp.
 //
-// Lanes are Gaussians, so a layer is a product of a matrix of weights, the same for all, with sixteen columns. Sums over Gaussians (the
-// gradient of the weights) turn the lanes around: columns become rows of features, and a weight row is a vector.
+// A row per Gaussian and light, features side by side. A layer is then a product of matrices with vectors along its outputs, the
+// gradient of its inputs one with vectors along the inputs, and the gradient of its weights a sum of outer products of rows:
+// nothing is ever transposed but the weights, once a step. Activations are kept from the forward pass for the backward pass (45
+// kB a batch): to compute them again would cost a quarter of the step.
 #pragma once
 
 #include "appearance/sss/sss_network.h"
+#include "appearance/trainable.h"
 #include "render/aligned_vector.h"
-
-#include <span>
 
 namespace nacre {
 
-constexpr int kSssLanes = 16;
+constexpr int kSssLanes = 16;                                  // Gaussians of a batch
+constexpr int kSssRows = kSssLanes * kMaxLightsPerStep;        // light * kSssLanes + Gaussian
+constexpr int kSssFixedStride = (kSssFixedInputs + 7) / 8 * 8; // whole vectors; the rest is zero
 
 /// Weights as they are stored, and each matrix transposed for the forward pass.
 struct SssWeights {
@@ -22,25 +25,21 @@ struct SssWeights {
     void transpose();
 };
 
-/// One batch; features by lanes.
-struct SssBatch {
-    alignas(64) float fixed[kSssFixedInputs][kSssLanes];
-    alignas(64) float first[kSssHidden1][kSssLanes]; // from sssBatchFixed
-    alignas(64) float light[kSssLightInputs][kSssLanes];
-    alignas(64) float h1[kSssHidden1][kSssLanes], h2[kSssHidden2][kSssLanes], h3[kSssHidden3][kSssLanes], hs[kSssHiddenShare][kSssLanes];
-    alignas(64) float residual[3][kSssLanes], share[kSssLanes];
-    // gradients
-    alignas(64) float dResidual[3][kSssLanes], dShare[kSssLanes];
-    alignas(64) float dFirst[kSssHidden1][kSssLanes]; // summed over the lights
+struct alignas(64) SssBatch {
+    // inputs
+    float fixed[kSssLanes][kSssFixedStride] = {};
+    float light[kSssRows][kSssLightInputs] = {};
+    // what sssBatchForward makes of them
+    float first[kSssLanes][kSssHidden1];
+    float h1[kSssRows][kSssHidden1], h2[kSssRows][kSssHidden2], h3[kSssRows][kSssHidden3], hs[kSssRows][kSssHiddenShare];
+    float residual[kSssRows][3], share[kSssRows];
+    // gradients of these two, inputs of sssBatchBackward
+    float dResidual[kSssRows][3], dShare[kSssRows];
 };
 
-/// fixed -> first.
-void sssBatchFixed(const SssWeights& weights, SssBatch& batch);
-/// first, light -> the hidden layers, residual and share.
-void sssBatchLight(const SssWeights& weights, SssBatch& batch);
-/// After sssBatchLight: dResidual, dShare -> adds to dFirst and dWeights [kSssWeights]. Lanes with zero gradients add nothing.
-void sssBatchLightBackward(const SssWeights& weights, SssBatch& batch, float* dWeights);
-/// After all lights: dFirst -> adds to dWeights.
-void sssBatchFixedBackward(const SssBatch& batch, float* dWeights);
+/// fixed, light -> the hidden layers, residual and share, of the first `lights` lights.
+void sssBatchForward(const SssWeights& weights, int lights, SssBatch& batch);
+/// After sssBatchForward: dResidual, dShare -> adds to dWeights [kSssWeights]. Rows with zero gradients add nothing.
+void sssBatchBackward(const SssWeights& weights, int lights, const SssBatch& batch, float* dWeights);
 
 } // namespace nacre

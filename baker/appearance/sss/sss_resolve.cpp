@@ -40,8 +40,11 @@ PixelChannels gather(const PixelRays& rays, const float* planes, int channels, s
 
 SssLightAt<float> lightAt(const Light& light, const float* point)
 {
-    if (light.type == LightType::kPoint) return sssPointLightAt(&light.position.x, std::max(light.radius, kMinLightRadius), point);
-    return {{light.directionToLight.x, light.directionToLight.y, light.directionToLight.z}, 1.0f, 0.0f}; // distance 0: no gradient to the point
+    if (light.type == LightType::kPoint)
+        return sssPointLightAt(&light.position.x, std::max(light.radius, kMinLightRadius), point);
+    return {{light.directionToLight.x, light.directionToLight.y, light.directionToLight.z},
+            1.0f,
+            0.0f}; // distance 0: no gradient to the point
 }
 
 } // namespace
@@ -65,7 +68,8 @@ void sssResolve(const PixelRays& rays, const LitView& lit, const float* planes, 
                 const SssReflection<float> o = sssReflect(pixel.surface, pixel.wo, light.wi);
                 const float* own = p.g + kSssSurfaceChannels + kSssLightChannels * l;
                 for (int c = 0; c < 3; ++c)
-                    image[size_t(3 * l + c) * pixels + at] = sssRadiance(pixel, own, lit.lights[l].intensity[c] * light.falloff, o.value[c], c);
+                    image[size_t(3 * l + c) * pixels + at] =
+                        sssRadiance(pixel, own, lit.lights[l].intensity[c] * light.falloff, o.value[c], c);
             }
         }
     });
@@ -86,7 +90,8 @@ void sssResolveBackward(const PixelRays& rays, const LitView& lit, const float* 
                 for (int l = 0; l < lights; ++l) {
                     const Light& light = lit.lights[l];
                     const SssLightAt<float> to = lightAt(light, pixel.point);
-                    const float dPixel[3] = {dImage[size_t(3 * l) * pixels + at], dImage[size_t(3 * l + 1) * pixels + at], dImage[size_t(3 * l + 2) * pixels + at]};
+                    const float dPixel[3] = {dImage[size_t(3 * l) * pixels + at], dImage[size_t(3 * l + 1) * pixels + at],
+                                             dImage[size_t(3 * l + 2) * pixels + at]};
                     const int own = kSssSurfaceChannels + kSssLightChannels * l;
                     sssPixelLightBackward(pixel, p.g + own, to, std::max(light.radius, kMinLightRadius), &light.intensity.x,
                                           sssReflect(pixel.surface, pixel.wo, to.wi), dPixel, d + own, gradient);

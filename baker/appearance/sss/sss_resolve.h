@@ -5,7 +5,8 @@
 
 namespace nacre {
 
-/// planes: [kSssSurfaceChannels + kSssLightChannels * lights + 1][height][width], the last alpha. image: [3 * lights + 1][height][width].
+/// planes: [kSssSurfaceChannels + kSssLightChannels * lights + 1][height][width], the last alpha. image: [3 * lights +
+/// 1][height][width].
 void sssResolve(const PixelRays& rays, const LitView& lit, const float* planes, float* image);
 
 /// dPlanes from dImage, same shapes.

@@ -1,13 +1,13 @@
-// The network of the sss model (SSS-GS, section 3.3): what leaves a Gaussian after travelling beneath the surface, and how much of a
-// light arrives. Scalar reference, host and device.
+// The network of the sss model (SSS-GS, section 3.3): what leaves a Gaussian after travelling beneath the surface, and how much
+// of a light arrives. Scalar reference, host and device.
 //
 //   fixed inputs (per Gaussian) + light inputs (per Gaussian and light) -> 64 -> 32 -> 32 -> residual rgb in (0, 1)
 //                                                                                    \-> 32 -> share in (0, 2)
 //
-// Leaky rectifiers (0.01) between, logistic functions at the ends, so that no input whatever leads out of bounds. The incident term is
-// visibility * share: a network of zeros is plain visibility, so that surface light is there from the first step and the residual has
-// nothing to take over (the collapse that the published code knows).
-// The part of the first layer that a light does not change is computed once per Gaussian: sssNetworkFixed.
+// Leaky rectifiers (0.01) between, logistic functions at the ends, so that no input whatever leads out of bounds. The incident
+// term is visibility * share: a network of zeros is plain visibility, so that surface light is there from the first step and the
+// residual has nothing to take over (the collapse that the published code knows). The part of the first layer that a light does
+// not change is computed once per Gaussian: sssNetworkFixed.
 #pragma once
 
 #include "base/host_device.h"
@@ -18,7 +18,7 @@ namespace nacre {
 
 constexpr int kSssOctaves = 4;
 constexpr int kSssFixedInputs = 6 * kSssOctaves + 4 + 3 + 3; // Fourier code of the position, rotation, scale, normal
-constexpr int kSssLightInputs = 8;                           // w_o, w_t, visibility, nearness of the light
+constexpr int kSssVisibilityInput = 6, kSssLightInputs = 8;  // w_o, w_t, visibility, nearness of the light
 constexpr int kSssHidden1 = 64, kSssHidden2 = 32, kSssHidden3 = 32, kSssHiddenShare = 32;
 constexpr float kSssLeak = 0.01f;
 
@@ -38,34 +38,37 @@ constexpr int kSssShareOut = kSssShareBias + kSssHiddenShare;
 constexpr int kSssShareOutBias = kSssShareOut + kSssHiddenShare;
 constexpr int kSssWeights = kSssShareOutBias + 1;
 
-/// Unit quaternion (w, x, y, z) and normal. frame: centre and 1 / half-size of the object, in which position and scale are measured. All
-/// inputs end up in [-1, 1].
+/// Unit quaternion (w, x, y, z) and normal. frame: centre and 1 / half-size of the object, in which position and scale are
+/// measured. All inputs end up in [-1, 1].
 template <class T>
 NACRE_HD inline void sssFixedInputs(const T* position, const T* scale, const T* rotation, const T* normal, const T* frame, T* in)
 {
     const T bound = T(1e4); // beyond it the code of a position is noise anyway, and a sine of 1e30 is not worth computing
     for (int k = 0; k < 3; ++k) {
         const T raw = (position[k] - frame[k]) * frame[3], p = raw < -bound ? -bound : raw > bound ? bound : raw;
-        T frequency = T(3.14159265358979);
-        for (int o = 0; o < kSssOctaves; ++o, frequency *= T(2)) *in++ = std::sin(frequency * p), *in++ = std::cos(frequency * p);
+        T sine = std::sin(T(3.14159265358979) * p), cosine = std::cos(T(3.14159265358979) * p);
+        for (int o = 0; o < kSssOctaves; ++o) {
+            *in++ = sine, *in++ = cosine;
+            const T twice = T(2) * sine * cosine; // an octave up
+            cosine = T(1) - T(2) * sine * sine, sine = twice;
+        }
     }
     for (int k = 0; k < 4; ++k) *in++ = rotation[k];
     for (int k = 0; k < 3; ++k) *in++ = scale[k] * frame[3] < T(1) ? scale[k] * frame[3] : T(1);
     for (int k = 0; k < 3; ++k) *in++ = normal[k];
 }
 
-/// distance: to a point light in half-sizes of the object; negative for a directional light. Nearness is 1 / (1 + distance), 0 for that.
-template <class T>
-NACRE_HD inline void sssLightInputs(const T* wo, const T* wt, T visibility, T distance, T* in)
+/// distance: to a point light in half-sizes of the object; negative for a directional light. Nearness is 1 / (1 + distance), 0
+/// for that.
+template <class T> NACRE_HD inline void sssLightInputs(const T* wo, const T* wt, T visibility, T distance, T* in)
 {
     for (int k = 0; k < 3; ++k) in[k] = wo[k], in[3 + k] = wt[k];
-    in[6] = visibility;
+    in[kSssVisibilityInput] = visibility;
     in[7] = distance < T(0) ? T(0) : T(1) / (T(1) + distance);
 }
 
 /// out[j] = bias[j] + sum_i weight[j][i] in[i]
-template <class T>
-NACRE_HD inline void sssLayer(const T* weight, const T* bias, const T* in, int inputs, int outputs, T* out)
+template <class T> NACRE_HD inline void sssLayer(const T* weight, const T* bias, const T* in, int inputs, int outputs, T* out)
 {
     for (int j = 0; j < outputs; ++j) {
         T sum = bias[j];
@@ -74,30 +77,25 @@ NACRE_HD inline void sssLayer(const T* weight, const T* bias, const T* in, int i
     }
 }
 
-template <class T>
-NACRE_HD inline T sssLeaky(T x) { return x > T(0) ? x : T(kSssLeak) * x; }
-template <class T>
-NACRE_HD inline T sssLogistic(T x)
+template <class T> NACRE_HD inline T sssLeaky(T x) { return x > T(0) ? x : T(kSssLeak) * x; }
+template <class T> NACRE_HD inline T sssLogistic(T x)
 {
     const T e = std::exp(x > T(0) ? -x : x); // never overflows
     return x > T(0) ? T(1) / (T(1) + e) : e / (T(1) + e);
 }
 
 /// The first layer before a light is known: bias included.
-template <class T>
-NACRE_HD inline void sssNetworkFixed(const T* w, const T* fixed, T* first)
+template <class T> NACRE_HD inline void sssNetworkFixed(const T* w, const T* fixed, T* first)
 {
     sssLayer(w + kSssFirstFixed, w + kSssFirstBias, fixed, kSssFixedInputs, kSssHidden1, first);
 }
 
-template <class T>
-struct SssActivations { // after the rectifiers; what the gradient needs
+template <class T> struct SssActivations { // after the rectifiers; what the gradient needs
     T h1[kSssHidden1], h2[kSssHidden2], h3[kSssHidden3], hs[kSssHiddenShare];
     T residual[3], share;
 };
 
-template <class T>
-NACRE_HD inline SssActivations<T> sssNetworkLight(const T* w, const T* first, const T* light)
+template <class T> NACRE_HD inline SssActivations<T> sssNetworkLight(const T* w, const T* first, const T* light)
 {
     SssActivations<T> a;
     sssLayer(w + kSssFirstLight, first, light, kSssLightInputs, kSssHidden1, a.h1);
