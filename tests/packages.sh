@@ -8,7 +8,8 @@ packages=(
     libopenexr-dev libdraco-dev libjpeg-dev                                         # datasets and meshes
     libtbb-dev libhwy-dev libembree-dev libcli11-dev                                # baker and command line
     libgl-dev libopengl-dev libegl-dev libegl-mesa0 libgl1-mesa-dri                 # headless OpenGL
-    doctest-dev                                                                     # tests
+    libglfw3-dev libimgui-dev                                                       # samples/viewer
+    doctest-dev xvfb xauth                                                          # tests
 )
 missing=()
 for package in "${packages[@]}"; do
