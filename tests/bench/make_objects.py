@@ -1,0 +1,50 @@
+#!/usr/bin/env python3
+"""Meshes of one known, constant material for materials.sh:  make_objects.py PEBBLE.glb OUT
+Writes OUT/sphere.glb (analytic normals, 0.6 0.25 0.15, roughness 0.35) and OUT/stone.glb, the mesh of PEBBLE.glb with that material."""
+import json, math, pathlib, struct, sys
+
+MATERIAL = {"name": "plain", "pbrMetallicRoughness": {"baseColorFactor": [0.6, 0.25, 0.15, 1], "metallicFactor": 0, "roughnessFactor": 0.35}}
+
+
+def write_glb(path, document, binary):
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    path.write_bytes(struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body)
+
+
+def sphere(rings=96, segments=192):
+    points, triangles = [], []
+    for i in range(rings + 1):
+        for j in range(segments + 1):
+            theta, phi = math.pi * i / rings, 2 * math.pi * j / segments
+            points.append((math.sin(theta) * math.cos(phi), math.cos(theta), -math.sin(theta) * math.sin(phi)))
+    for i in range(rings):
+        for j in range(segments):
+            a, b = i * (segments + 1) + j, (i + 1) * (segments + 1) + j
+            triangles += [(a, b, b + 1), (a, b + 1, a + 1)]
+    vertices = b"".join(struct.pack("<3f", *p) for p in points)
+    indices = b"".join(struct.pack("<3I", *t) for t in triangles)
+    count = len(points)
+    return {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "materials": [MATERIAL],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 0}, "indices": 1, "material": 0}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3", "min": [-1, -1, -1], "max": [1, 1, 1]},
+                      {"bufferView": 1, "componentType": 5125, "count": 3 * len(triangles), "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": len(vertices)}, {"buffer": 0, "byteOffset": len(vertices), "byteLength": len(indices)}],
+        "buffers": [{"byteLength": len(vertices) + len(indices)}]}, vertices + indices
+
+
+def main():
+    source, out = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
+    out.mkdir(parents=True, exist_ok=True)
+    write_glb(out / "sphere.glb", *sphere())
+    data = source.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    document = json.loads(data[20:20 + length])
+    document["materials"] = [MATERIAL] * len(document["materials"])
+    write_glb(out / "stone.glb", document, data[28 + length:])
+
+
+main()
