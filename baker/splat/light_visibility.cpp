@@ -91,7 +91,6 @@ struct Scene {
 
 Scene prepareScene(std::span<const GaussianGeometry<float>> splats)
 {
-    constexpr float kBias = 4;   // in median splat sizes
     Scene scene{splats, {}};
     glm::vec3 lo(std::numeric_limits<float>::max()), hi(-lo);
     for (const GaussianGeometry<float>& g : splats) {
@@ -103,7 +102,7 @@ Scene prepareScene(std::span<const GaussianGeometry<float>> splats)
         const glm::vec3 p(g.position[0], g.position[1], g.position[2]);
         lo = glm::min(lo, p), hi = glm::max(hi, p);
     }
-    scene.bias = kBias * medianSplatSize(splats);
+    scene.bias = visibilityBias(splats);
     scene.center = 0.5f * (lo + hi);
     scene.radius = std::max(0.5f * glm::length(hi - lo), 1e-6f);
     return scene;
@@ -161,14 +160,20 @@ void addDirection(const Scene& scene, const glm::vec3& w, Workspace& work)
     }
 }
 
+} // namespace
+
+float visibilityBias(std::span<const GaussianGeometry<float>> splats)
+{
+    constexpr float kBias = 4; // in median splat sizes
+    return kBias * medianSplatSize(splats);
+}
+
 glm::vec3 octahedralDirection(float u, float v) // in [-1, 1]
 {
     const float z = 1 - std::abs(u) - std::abs(v);
     if (z >= 0) return glm::normalize(glm::vec3(u, v, z));
     return glm::normalize(glm::vec3((1 - std::abs(v)) * (u < 0 ? -1.0f : 1.0f), (1 - std::abs(u)) * (v < 0 ? -1.0f : 1.0f), z));
 }
-
-} // namespace
 
 std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> splats, int size, int oversample)
 {

@@ -3,6 +3,8 @@
 
 #include "render/projection.h"
 
+#include <glm/glm.hpp>
+
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -13,5 +15,11 @@ namespace nacre {
 /// each texel the mean over oversample^2 directions. What lies nearer than a few splat sizes does not count: a surface does not shade
 /// itself, T_dir holds that. Deterministic for any number of threads. Time: size^2 oversample^2 passes over all splats.
 std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> splats, int size, int oversample);
+
+/// Along the light, centres of other splats nearer to a splat's own than this shade nothing.
+float visibilityBias(std::span<const GaussianGeometry<float>> splats);
+
+/// Direction (unit) of a place on the map, u and v in [-1, 1]: texel i of n lies at (2 i + 1) / n - 1.
+glm::vec3 octahedralDirection(float u, float v);
 
 } // namespace nacre

@@ -28,10 +28,9 @@ NACRE_HD inline int visibilityTexel(int i, int j, int n)
     return j * n + i;
 }
 
-/// Transmittance towards the unit direction w. The map holds means over its texels, so across the edge of a hard shadow the bilinear
-/// value is a ramp of about two texels: the slope sharpens it around one half.
+/// The map's bilinear value towards the unit direction w, in [0, 1].
 template <class T>
-NACRE_HD inline T mapVisibility(const VisibilityMap& map, const T* w)
+NACRE_HD inline T mapBilinear(const VisibilityMap& map, const T* w)
 {
     const T ax = w[0] < T(0) ? -w[0] : w[0], ay = w[1] < T(0) ? -w[1] : w[1], az = w[2] < T(0) ? -w[2] : w[2];
     const T inv = T(1) / (ax + ay + az);
@@ -48,7 +47,15 @@ NACRE_HD inline T mapVisibility(const VisibilityMap& map, const T* w)
     const T fx = x - T(i), fy = y - T(j);
     const T lower = (T(1) - fx) * T(map.texels[visibilityTexel(i - 1, j - 1, n)]) + fx * T(map.texels[visibilityTexel(i, j - 1, n)]);
     const T upper = (T(1) - fx) * T(map.texels[visibilityTexel(i - 1, j, n)]) + fx * T(map.texels[visibilityTexel(i, j, n)]);
-    const T value = T(0.5) + T(kVisibilitySlope) * (((T(1) - fy) * lower + fy * upper) * T(1.0 / 255) - T(0.5));
+    return ((T(1) - fy) * lower + fy * upper) * T(1.0 / 255);
+}
+
+/// Transmittance towards the unit direction w. The map holds means over its texels, so across the edge of a hard shadow the bilinear
+/// value is a ramp of about two texels: the slope sharpens it around one half.
+template <class T>
+NACRE_HD inline T mapVisibility(const VisibilityMap& map, const T* w)
+{
+    const T value = T(0.5) + T(kVisibilitySlope) * (mapBilinear(map, w) - T(0.5));
     return value < T(0) ? T(0) : value > T(1) ? T(1) : value;
 }
 
