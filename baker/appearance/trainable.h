@@ -42,6 +42,7 @@ struct OptionalPart {
     std::string name;
     double judgedAt;   // fraction of the bake: when it has to show what it is worth
     double leastWorth; // dB of training images that it has to be worth
+    bool bySplat = false; // some splats may do without it
 };
 
 class TrainableAppearance {
@@ -70,7 +71,8 @@ public:
 
     /// Of those in use now.
     virtual std::vector<OptionalPart> optionalParts() const = 0;
-    virtual void leaveOut(const std::string& part) = 0;          // neither evaluated nor trained nor exported from here on
+    /// Neither evaluated nor trained nor exported from here on; except where kept[splat] != 0 (only of parts by splat; else empty).
+    virtual void leaveOut(const std::string& part, std::span<const uint8_t> kept) = 0;
 
     virtual std::vector<Channel> exportChannels() const = 0;
     virtual void save(ByteWriter& out) const = 0;

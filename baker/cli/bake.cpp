@@ -66,7 +66,9 @@ static Json historyJson(const std::vector<HistoryPoint>& history)
 static Json partsJson(const std::vector<PartWorth>& parts)
 {
     Json out = Json::array();
-    for (const PartWorth& p : parts) out.push_back({{"part", p.name}, {"worth_db", p.decibel}, {"kept", p.kept != 0}});
+    for (const PartWorth& p : parts)
+        out.push_back(
+            {{"part", p.name}, {"worth_db", p.decibel}, {"cost_db", p.cost}, {"kept", p.share > 0}, {"share", p.share}});
     return out;
 }
 
@@ -74,9 +76,12 @@ static Json partsJson(const std::vector<PartWorth>& parts)
 static std::string partsText(const std::vector<PartWorth>& parts)
 {
     std::string text;
-    for (const PartWorth& p : parts)
-        text +=
-            format("%s%s %s (%+.2f dB without it)", text.empty() ? "" : ", ", p.name, p.kept ? "kept" : "left out", -p.decibel);
+    for (const PartWorth& p : parts) {
+        text += format("%s%s %s (%+.2f dB without it", text.empty() ? "" : ", ", p.name, p.share > 0 ? "kept" : "left out",
+                       -p.decibel);
+        if (p.share > 0 && p.share < 1) text += format("; only in %.0f %% of the splats: %+.2f dB", 100 * p.share, -p.cost);
+        text += ")";
+    }
     return text;
 }
 

@@ -1,4 +1,4 @@
-#include "appearance/bigs/bigs.h"
+#include "appearance/bigs/bigs_asset.h"
 #include "eval/reference_model.h"
 
 #include <algorithm>
@@ -9,23 +9,14 @@ namespace {
 
 class ReferenceBigs final : public ReferenceModel {
 public:
-    explicit ReferenceBigs(const SplatAsset& asset)
-        : cloud_(asset.cloud), tDir_(asset.find("tDir")), tInd_(asset.find("tInd")), rho_(asset.find("rho")), s_(asset.find("s")),
-          lobe_(asset.find("lobe")), visibility_(asset.find("visibility")), shadow_(asset.find("shadow")),
-          sFunctions_(s_ ? bigsScatterFunctions(s_->components) : 0)
-    {
-    }
+    explicit ReferenceBigs(const SplatAsset& asset) : cloud_(asset.cloud), channels_(asset) {}
 
     int channels(size_t) const override { return 3; }
     float opacity(size_t splat) const override { return cloud_.opacities[splat]; }
 
     void shade(size_t splat, const float* eye, std::span<const Light> lights, float* color) const override
     {
-        const BigsCoefficients<float> g{&tDir_->values[25 * splat], &tInd_->values[75 * splat], &rho_->values[3 * splat],
-                                        s_ ? &s_->values[size_t(s_->components) * splat] : nullptr, sFunctions_,
-                                        lobe_ ? &lobe_->values[kBigsLobeFloats * splat] : nullptr,
-                                        visibility_ ? VisibilityMap{&visibility_->bytes[visibility_->components * splat], visibilitySize(visibility_->components)} : VisibilityMap{},
-                                        shadow_ ? shadow_->values[splat] : 1.0f};
+        const BigsCoefficients<float> g = channels_.at(splat);
         const float* p = &cloud_.positions[splat].x;
         float y[kMaxShFunctions], a[3 * kMaxShFunctions];
         const LightSample<float> toEye = samplePointLight(eye, 0.0f, p);
@@ -51,8 +42,7 @@ public:
 
 private:
     const SplatCloud& cloud_;
-    const Channel *tDir_, *tInd_, *rho_, *s_, *lobe_, *visibility_, *shadow_;
-    int sFunctions_;
+    BigsChannels channels_;
 };
 
 } // namespace

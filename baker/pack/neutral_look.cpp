@@ -5,7 +5,7 @@
 // for all splats, the normal equations have one matrix: sh = (Yᵀ Y)⁻¹ Yᵀ (L_k - 0.5), a fixed 16 x 64 matrix times the samples.
 #include "pack/neutral_look.h"
 
-#include "appearance/bigs/bigs.h"
+#include "appearance/bigs/bigs_asset.h"
 #include "appearance/model_table.h"
 #include "appearance/sss/sss.h"
 #include "appearance/sss/sss_asset.h"
@@ -181,15 +181,8 @@ using Sampler = std::function<void(size_t i, std::span<const Incident> incidents
 
 Sampler bigsSampler(const SplatAsset& asset)
 {
-    const Channel &tDir = *asset.find("tDir"), &tInd = *asset.find("tInd"), &rho = *asset.find("rho");
-    const Channel *s = asset.find("s"), *lobe = asset.find("lobe"), *visibility = asset.find("visibility"), *shadow = asset.find("shadow");
-    return [=, &tDir, &tInd, &rho](size_t i, std::span<const Incident> incidents, const ViewSamples& views, Radiance& radiance) {
-        const BigsCoefficients<float> g{&tDir.values[i * tDir.components], &tInd.values[i * tInd.components],
-                                        &rho.values[i * rho.components], s ? &s->values[i * s->components] : nullptr,
-                                        s ? bigsScatterFunctions(s->components) : 0, lobe ? &lobe->values[i * lobe->components] : nullptr,
-                                        visibility ? VisibilityMap{&visibility->bytes[i * visibility->components], visibilitySize(visibility->components)} : VisibilityMap{},
-                                        shadow ? shadow->values[i] : 1.0f};
-        sampleBigs(g, incidents, views, radiance);
+    return [channels = BigsChannels(asset)](size_t i, std::span<const Incident> incidents, const ViewSamples& views, Radiance& radiance) {
+        sampleBigs(channels.at(i), incidents, views, radiance);
     };
 }
 

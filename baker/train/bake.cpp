@@ -4,8 +4,10 @@
 #include "appearance/model_table.h"
 #include "base/file.h"
 #include "base/hash.h"
+#include "pack/leading_rows.h"
 #include "splat/random.h"
 #include "train/checkpoint.h"
+#include "train/cluster_choice.h"
 #include "train/data_check.h"
 #include "train/trainer.h"
 #include "train/training_images.h"
@@ -129,11 +131,16 @@ private:
     Status train();
     double progress() const;
     Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, Silhouettes* silhouettes);
-    Result<LossStats> trainStep(const Trainer::Moment& moment, bool onTrial = false);
+    Result<LossStats> trainStep(const Trainer::Moment& moment, bool onTrial = false, double* splatErrors = nullptr);
     double rate(double progress) const;
     double expectedSteps(double progress) const;
     Status track();
-    Result<double> trial(double progress, int steps);
+    /// What a trial found: mean squared error of the object, and how much of the sum each splat answers for (Trainer::step).
+    struct TrialErrors {
+        double mean = 0;
+        std::vector<double> ofSplats;
+    };
+    Result<TrialErrors> trial(double progress, int steps, bool bySplat);
     Status leaveOutParts();
     Status checkpoint();
     void report(const char* stage, double progress);
@@ -287,7 +294,7 @@ Status Bake::prepare()
     return ok();
 }
 
-Result<LossStats> Bake::trainStep(const Trainer::Moment& moment, bool onTrial)
+Result<LossStats> Bake::trainStep(const Trainer::Moment& moment, bool onTrial, double* splatErrors)
 {
     const CameraImages view = order_->at(moment.step);
     std::vector<std::shared_ptr<const PreparedImage>> held;
@@ -305,7 +312,7 @@ Result<LossStats> Bake::trainStep(const Trainer::Moment& moment, bool onTrial)
     if (refinement_ && !onTrial && moment.progress >= kRefineLightsFrom && moment.step % kRefineLightsEvery == 0)
         refinement_->observe(view.images, references,
                              [&](std::span<const Light> l, std::vector<float>& planes) { trainer_->render(camera, l, planes); });
-    return trainer_->step(camera, std::span(lights, view.images.size()), references, moment);
+    return trainer_->step(camera, std::span(lights, view.images.size()), references, moment, splatErrors);
 }
 
 Status Bake::track()
@@ -339,20 +346,24 @@ Status Bake::track()
 
 // Steps on, and how wrong the splats were on images that they had not been fitted to just now: masked squared error of the second
 // half.
-Result<double> Bake::trial(double progress, int steps)
+Result<Bake::TrialErrors> Bake::trial(double progress, int steps, bool bySplat)
 {
+    TrialErrors errors;
     double squared = 0, count = 0;
+    if (bySplat) errors.ofSplats.resize(trainer_->count());
     const int first = state_.step + 1, last = state_.step + steps;
     for (int step = first; step <= last; ++step) {
         if (cancelled()) return Error{ErrorCode::kCancelled, "cancelled at step " + std::to_string(state_.step)};
         if (now() - lastReport_ > 0.5) report("training", progress);
-        auto stats = trainStep({step, progress, rate(progress)}, true);
+        const bool counts = 2 * (step - first) >= steps;
+        auto stats = trainStep({step, progress, rate(progress)}, true, counts && bySplat ? errors.ofSplats.data() : nullptr);
         if (!stats) return stats.error();
-        if (2 * (step - first) < steps) continue;
+        if (!counts) continue;
         const bool masked = stats->countMasked > 0;
         squared += masked ? stats->squaredErrorMasked : stats->squaredError, count += masked ? stats->countMasked : stats->count;
     }
-    return squared / std::max(count, 1.0);
+    errors.mean = squared / std::max(count, 1.0);
+    return errors;
 }
 
 // The same steps are made twice, with a part and without it; the better splats are kept. Both have adapted to what they have by
@@ -373,13 +384,13 @@ Status Bake::leaveOutParts()
         const int steps = int(std::max(kTrialLength * all, std::min(kTrialLeast, kTrialMost * all))) + 1;
         ByteWriter before, after;
         trainer_->save(before);
-        auto with = trial(at, steps);
+        auto with = trial(at, steps, part.bySplat);
         trainer_->save(after);
         restore(before);
-        Result<double> without = with;
+        Result<TrialErrors> without = with;
         if (with) {
-            appearance.leaveOut(part.name);
-            without = trial(at, steps);
+            appearance.leaveOut(part.name, {});
+            without = trial(at, steps, part.bySplat);
         }
         if (!without) { // cancelled: as if the trial had never begun
             restore(before);
@@ -388,9 +399,20 @@ Status Bake::leaveOutParts()
 
         PartWorth worth;
         part.name.copy(worth.name, sizeof worth.name - 1);
-        worth.decibel = 10 * std::log10(std::max(*without, 1e-12) / std::max(*with, 1e-12));
-        worth.kept = worth.decibel >= part.leastWorth;
-        if (worth.kept) restore(after);
+        worth.decibel = decibelBetween(without->mean, with->mean);
+        std::vector<uint8_t> kept(trainer_->count(), worth.decibel >= part.leastWorth);
+        if (part.bySplat) kept = chooseClusters(with->ofSplats, without->ofSplats, part.leastWorth);
+        const size_t keeping = size_t(std::count(kept.begin(), kept.end(), 1));
+        worth.share = double(keeping) / double(kept.size());
+        worth.cost = keeping == 0 ? worth.decibel : 0;
+        if (keeping > 0) restore(after);
+        if (keeping > 0 && keeping < kept.size()) {
+            double errorWith = 0, errorSplit = 0;
+            for (size_t i = 0; i < kept.size(); ++i)
+                errorWith += with->ofSplats[i], errorSplit += (kept[i] ? with : without)->ofSplats[i];
+            worth.cost = decibelBetween(errorSplit, errorWith);
+            appearance.leaveOut(part.name, kept);
+        }
         state_.parts.push_back(worth);
         state_.step += steps, state_.stepsSinceReset += steps;
     }
@@ -523,6 +545,7 @@ Result<BakeResult> Bake::run()
     SplatAsset& asset = result_.asset;
     asset.model = options_.model;
     trainer_->exportTo(asset);
+    leaveOutZeroRows(asset);
     if (Status s = validate(asset); !s)
         return Error{ErrorCode::kIo, "the bake did not end in a usable asset: " + s.error().message};
     // Dataset +Z up becomes glTF +Y up by a quarter turn about X.

@@ -42,11 +42,12 @@ struct BakeProgress {
 
 struct HistoryPoint { double seconds; int iteration; int splats; double psnrTest, psnrMaskedTest; };
 
-/// An optional part of the model (TrainableAppearance::optionalParts): what it was worth on training images, and whether it stayed.
+/// An optional part of the model (TrainableAppearance::optionalParts): what it was worth on training images, and where it stayed.
 struct PartWorth {
     char name[24] = {};
     double decibel = 0;                // PSNR of images not just trained on that is lost without it, object only
-    int32_t kept = 1;
+    double cost = 0;                   // dB of it that are given up where the part is left out
+    double share = 1;                  // of the splats, that keep it
 };
 
 struct BakeResult {

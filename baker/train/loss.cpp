@@ -194,6 +194,23 @@ PreparedImage prepareImage(const Image& linear)
     return p;
 }
 
+void objectErrors(const float* planes, const PreparedImage* const* references, int imageCount, float* errors)
+{
+    const size_t width = size_t(references[0]->width), pixels = width * size_t(references[0]->height);
+    tbb::parallel_for(size_t(0), pixels / width, [&](size_t y) {
+        for (size_t i = y * width; i < (y + 1) * width; ++i) {
+            errors[i] = 0;
+            for (int plane = 0; plane < 3 * imageCount; ++plane) {
+                const std::vector<uint16_t>& reference = references[plane / 3]->planes;
+                if (reference[3 * pixels + i] < 32768) continue;
+                const float x = srgbFromLinear(std::clamp(planes[size_t(plane) * pixels + i], 0.0f, 1.0f));
+                const float difference = x - float(reference[size_t(plane % 3) * pixels + i]) / 65535.0f;
+                errors[i] += difference * difference;
+            }
+        }
+    });
+}
+
 LossStats ImageLoss::evaluate(const float* planes, const PreparedImage* const* references, int imageCount, const LossOptions& options,
                               float* dPlanes)
 {

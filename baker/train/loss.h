@@ -39,6 +39,10 @@ struct LossStats {
     double squaredErrorMasked = 0, countMasked = 0; // where reference alpha > 0.5
 };
 
+/// Squared error of the displayed images under all lights, per pixel; 0 where reference alpha <= 0.5. planes and references as
+/// ImageLoss::evaluate takes them; errors[height][width].
+void objectErrors(const float* planes, const PreparedImage* const* references, int imageCount, float* errors);
+
 class ImageLoss {
 public:
     /// planes: 3 * imageCount + 1 planes of rasterForward; references: one per light, all of the same size.

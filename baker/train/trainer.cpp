@@ -114,7 +114,7 @@ void Trainer::render(const Camera& camera, std::span<const Light> lights, std::v
 }
 
 LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references,
-                        const Moment& moment)
+                        const Moment& moment, double* splatErrors)
 {
     StageClock clock(stageSeconds);
     const int channels = appearance_->channels(int(lights.size()));
@@ -169,7 +169,23 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     clock.end(kStageShadeBack);
     stepGeometry(geometry_, view_, visible.splatFromVisible, dSplats_.data(), active_.data(), rates, moment.step, kOpacityPull);
     clock.end(kStageGeometryBack);
+    if (splatErrors) shareOutErrors(camera, image, references, int(lights.size()), splatErrors);
     return stats;
+}
+
+// Blending backwards: with the error as gradient of a channel, the gradient of a splat's colour is the sum of weight times error. After a
+// step, whose working memory is free then.
+void Trainer::shareOutErrors(const Camera& camera, const float* image, const PreparedImage* const* references, int imageCount, double* splatErrors)
+{
+    constexpr int kChannels = 3; // the fewest that the rasteriser takes; the first is used
+    const size_t pixels = size_t(camera.width) * camera.height, stride = size_t(channelStride(kChannels));
+    const VisibleSplats& visible = builder_.visible;
+    std::vector<float> colors(visible.count() * stride), planes((kChannels + 1) * pixels), errors((kChannels + 1) * pixels);
+    objectErrors(image, references, imageCount, errors.data());
+    std::copy_n(image + 3 * size_t(imageCount) * pixels, pixels, planes.data() + kChannels * pixels); // alpha
+    rasterBackward(visible, builder_.tiles, colors.data(), kChannels, planes.data(), errors.data(), rasterScratch_, dColors_.data(),
+                   dSplats_.data());
+    for (size_t v = 0; v < visible.count(); ++v) splatErrors[visible.splatFromVisible[v]] += dColors_[v * stride];
 }
 
 size_t Trainer::lastBlocks() const

@@ -36,8 +36,10 @@ public:
         double progress = 0; // [0, 1]: of the bake; what is in use depends on it
         double rate = 1;     // scales all learning rates
     };
-    /// One camera under up to kMaxLightsPerStep lights.
-    LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, const Moment& moment);
+    /// One camera under up to kMaxLightsPerStep lights. splatErrors, if given, [count()]: adds the squared error of the object's pixels
+    /// before the step, each pixel's shared out among the splats by their blending weights.
+    LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, const Moment& moment,
+                   double* splatErrors = nullptr);
 
     /// Renders without learning; planes as rasterForward, three per light plus alpha.
     void render(const Camera& camera, std::span<const Light> lights, std::vector<float>& planes);
@@ -60,6 +62,7 @@ public:
 
 private:
     VisibleView project(const Camera& camera, int channels);
+    void shareOutErrors(const Camera& camera, const float* image, const PreparedImage* const* references, int imageCount, double* splatErrors);
     void splitSplat(size_t parent, size_t child);
 
     TrainerOptions options_;

@@ -19,7 +19,7 @@ std::vector<AppearanceModel> makeTable()
          {{"tDir", {25}},
           {"tInd", {75}},
           {"rho", {3}},
-          {"s", {0, pairs(1), pairs(4), pairs(9), pairs(16), pairs(25)}}, // 0: the channel may be absent
+          {"s", {0, pairs(1), pairs(4), pairs(9), pairs(16), pairs(25)}, ChannelType::kFloat, false, true}, // 0: the channel may be absent
           {"lobe", {0, kBigsLobeFloats}},
           {"visibility", {0, 256, 1024}, ChannelType::kUnorm8},
           {"shadow", {0, 1}}}},
@@ -94,6 +94,9 @@ Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
                        (sizes[0] == 0 ? " (0: leave the channel out)" : ""));
         if (channel.perAsset != spec->perAsset)
             return bad("channel '" + channel.name + "' is stored " + (spec->perAsset ? "per splat, expected once per asset" : "once per asset, expected per splat"));
+        if (channel.leading > 0 && (!spec->mayLead || channel.leading >= asset.cloud.count))
+            return bad("channel '" + channel.name + "' has rows for the first " + std::to_string(channel.leading) + " of " + std::to_string(asset.cloud.count) +
+                       " splats, expected " + (spec->mayLead ? "fewer than all" : "for all"));
         const bool floats = spec->type == ChannelType::kFloat;
         const size_t stored = floats ? channel.values.size() : channel.bytes.size(), other = floats ? channel.bytes.size() : channel.values.size();
         const size_t rows = channel.rows(asset.cloud.count);

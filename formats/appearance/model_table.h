@@ -17,6 +17,7 @@ struct ChannelSpec {
     std::vector<uint32_t> components;
     ChannelType type = ChannelType::kFloat;
     bool perAsset = false;    // one row for all splats
+    bool mayLead = false;     // rows of the first splats only (Channel::leading)
 };
 
 struct AppearanceModel {

@@ -21,7 +21,8 @@ static_assert(std::endian::native == std::endian::little, "glTF is little-endian
 
 constexpr const char* kSplatExtension = "KHR_gaussian_splatting";
 constexpr const char* kRelightExtension = "NACRE_gaussian_splatting_relight";
-constexpr int kRelightVersion = 2, kOldestRelightVersion = 1;
+constexpr int kRelightVersion = 3, kOldestRelightVersion = 1;
+constexpr int kLeadingVersion = 3, kPlainVersion = 2; // with channels of leading splats, and without
 constexpr const char* kLosslessProfile = "lossless";
 
 constexpr const char* kPosition = "POSITION";

@@ -339,6 +339,12 @@ Channel readChannel(const json& document, std::span<const std::byte> bin, const 
         if (!perAsset->is_boolean()) bad(where + ".perAsset is neither true nor false");
         channel.perAsset = perAsset->get<bool>();
     }
+    if (find(entry, "leading")) {
+        channel.leading = needSize(entry, "leading", where);
+        if (channel.leading == 0 || channel.leading >= count || channel.perAsset)
+            bad(where + ".leading is " + std::to_string(channel.leading) + ", expected 1 to " + std::to_string(count - 1) +
+                " of a channel with rows per splat");
+    }
     const size_t rows = channel.rows(count);
     const std::string at = where + " (" + inQuotes(channel.name) + ")";
     const size_t type = needSize(entry, "componentType", at);

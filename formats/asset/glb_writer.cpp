@@ -134,6 +134,7 @@ private:
     void writeRelightChannels()
     {
         Value::Array channels;
+        int version = kPlainVersion; // readers of older versions can read what does not need a newer one
         for (const Channel& channel : asset_.channels) {
             const bool floats = channel.bytes.empty();
             const size_t bytes = channel.sizeInBytes();
@@ -144,10 +145,11 @@ private:
                                 {"componentType", Value(floats ? kFloat : kUnorm8)},
                                 {"bufferView", Value(view)}};
             if (channel.perAsset) entry["perAsset"] = Value(true);
+            if (channel.leading > 0) entry["leading"] = Value(int(channel.leading)), version = kLeadingVersion;
             channels.emplace_back(std::move(entry));
         }
         const Value relight(Value::Object{
-            {"version", Value(kRelightVersion)},
+            {"version", Value(version)},
             {"model", Value(asset_.model)},
             {"profile", Value(std::string(kLosslessProfile))},
             {"count", Value(int(count_))},

@@ -27,8 +27,9 @@ struct Channel {
     std::vector<float> values{};      // rows * components, or empty
     std::vector<uint8_t> bytes{};     // rows * components, or empty
     bool perAsset = false;            // e.g. the weights of a network
+    size_t leading = 0;               // > 0: only the first so many splats have a row, that of the others would be zero
 
-    size_t rows(size_t splats) const { return perAsset ? 1 : splats; }
+    size_t rows(size_t splats) const { return perAsset ? 1 : leading > 0 ? leading : splats; }
 
     size_t sizeInBytes() const { return values.size() * sizeof(float) + bytes.size(); }
 };

@@ -30,7 +30,9 @@ void main()
 #endif
 #if S_FUNCTIONS > 0
     vec3 a[S_FUNCTIONS];
-    for (int i = 0; i < S_FUNCTIONS; ++i) a[i] = texelFetch(uContracted, contractedTexel(splat, i), 0).rgb;
+    bool scatters = splatIndex(splat) < S_SPLATS; // the others have no s
+    if (scatters)
+        for (int i = 0; i < S_FUNCTIONS; ++i) a[i] = texelFetch(uContracted, contractedTexel(splat, i), 0).rgb;
 #endif
     for (int t = 0; t < uLightCount; ++t) {
         ivec2 group = slotTexel(splat, t >> 2);
@@ -41,9 +43,11 @@ void main()
         vec4 s = sampleLight(texelFetch(uLights, ivec2(t, 0), 0), mean, uWorldScale2);
 #endif
 #if S_FUNCTIONS > 0
-        float y[25];
-        shBasis(S_FUNCTIONS, s.xyz, y);
-        for (int i = 0; i < S_FUNCTIONS; ++i) scatter += a[i] * y[i];
+        if (scatters) {
+            float y[25];
+            shBasis(S_FUNCTIONS, s.xyz, y);
+            for (int i = 0; i < S_FUNCTIONS; ++i) scatter += a[i] * y[i];
+        }
 #endif
         vec3 reflected = dot(texelFetch(uDirect, group, 0), lane) * max(scatter, 0.0);
 #if HAS_LOBE

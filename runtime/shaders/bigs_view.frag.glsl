@@ -1,4 +1,4 @@
-// bigsContractView (appearance/bigs/bigs.h): one fragment per (splat, i), a_i = sum_j c_ij y_j(w_o).
+// bigsContractView (appearance/bigs/bigs.h): one fragment per (splat, i), a_i = sum_j c_ij y_j(w_o), of the first S_SPLATS splats.
 uniform sampler2D uGeometry;     // slot 0: mean, opacity
 uniform sampler2DArray uScatter; // c_ij rgb
 uniform vec3 uCameraAsset;
@@ -10,6 +10,7 @@ void main()
     int gridRow = int(gl_FragCoord.y / float(S_FUNCTIONS));
     ivec2 splat = ivec2(gl_FragCoord.x, gridRow);
     int i = int(gl_FragCoord.y) - gridRow * S_FUNCTIONS; // inverse of contractedTexel
+    if (splatIndex(splat) >= S_SPLATS) discard;
     float y[25];
     shBasis(S_FUNCTIONS, directionToCamera(uCameraAsset, texelFetch(uGeometry, splat, 0).xyz), y);
     vec3 a = vec3(0.0);

@@ -12,7 +12,7 @@
 //   visibility  R8       array, texel (g * n + j) * n + i of the octahedral maps of n x n
 //   direct, indirect     RGBA32F  light pass: one slot per four lights
 //   visible     RGBA16F  light pass: v of four lights per slot, for the lobe (v comes from bytes: half floats lose nothing of it)
-//   contracted  RGBA32F  view pass: every grid row becomes one row per function of s
+//   contracted  RGBA32F  view pass: every grid row of splats with s becomes one row per function of s
 //   color       RGBA32F  combine pass: radiance towards the camera
 // scatter and contracted exist only with s, visibility only with that channel, visible only with lobe and visibility.
 // Coefficients of SH are stored as half floats (relative error at most 2^-11), the lobe as float (half a normal would shift a sharp
@@ -48,6 +48,7 @@ private:
     void uploadGeometry(const Channel& rho, const Channel* shadow, const Channel* lobe) const;
     void uploadTransport(const Channel& tDir, const Channel& tInd);
     void uploadScatter(const Channel& s);
+    int contractedRows() const { return sFunctions_ * int((scattering_ + size_t(asset_.width) - 1) / size_t(asset_.width)); }
     Failure createTargets();
     void freeLightTargets();
     Failure growLightTargets(int groups);
@@ -56,6 +57,7 @@ private:
     void runCombinePass(const glm::vec3& camera) const;
 
     int sFunctions_ = 0;
+    size_t scattering_ = 0;     // so many splats, the first, have s
     bool hasLobe_ = false, hasVisibility_ = false;
     GLuint transport_ = 0, scatter_ = 0, visibility_ = 0, contracted_ = 0, direct_ = 0, indirect_ = 0, visible_ = 0, color_ = 0;
     GLuint lightFramebuffer_ = 0, viewFramebuffer_ = 0, combineFramebuffer_ = 0;
@@ -78,10 +80,11 @@ Failure GpuBigs::checkLayout(const SplatAsset& source)
 {
     const Channel* s = source.find("s");
     sFunctions_ = s ? bigsScatterFunctions(s->components) : 0;
+    scattering_ = s ? s->rows(asset_.count) : 0;
     hasLobe_ = source.find("lobe") != nullptr;
     hasVisibility_ = source.find("visibility") != nullptr;
-    if (Failure f = checkLongRow(asset_, "s", bigsPairCount(sFunctions_))) return f;
-    return checkLongRow(asset_, "visibility", asset_.visibilitySize * asset_.visibilitySize);
+    if (Failure f = checkLongRow(asset_, "s", scattering_, bigsPairCount(sFunctions_))) return f;
+    return checkLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
 }
 
 void GpuBigs::uploadGeometry(const Channel& rho, const Channel* shadow, const Channel* lobe) const
@@ -122,7 +125,7 @@ Failure GpuBigs::createTargets()
     combineFramebuffer_ = createTarget(gl(), color_);
     bool complete = gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
     if (sFunctions_ > 0) {
-        contracted_ = createSlotTexture(asset_, GL_RGBA32F, sFunctions_);
+        contracted_ = createRowTexture(asset_, GL_RGBA32F, contractedRows());
         viewFramebuffer_ = createTarget(gl(), contracted_);
         complete = complete && gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
     }
@@ -143,7 +146,7 @@ Failure GpuBigs::upload(const SplatAsset& source)
 
 Failure GpuBigs::compilePrograms()
 {
-    const std::string common = commonDefines(asset_) + define("S_FUNCTIONS", sFunctions_) + define("HAS_LOBE", int(hasLobe_)) +
+    const std::string common = commonDefines(asset_) + define("S_FUNCTIONS", sFunctions_) + define("S_SPLATS", int(scattering_)) + define("HAS_LOBE", int(hasLobe_)) +
                                define("HAS_VISIBILITY", int(hasVisibility_)) + define("LOBE_FACING", kBigsLobeFacing);
     const std::string fullscreen = common + shaders::kFullscreenVertGlsl;
     const std::string pass = common + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kVisibilityMapGlsl + shaders::kBigsGlsl;
@@ -199,7 +202,7 @@ void GpuBigs::runLightPass() const
     if (hasVisibility_) bindTexture(gl(), 3, GL_TEXTURE_2D_ARRAY, visibility_);
     gl().Uniform1i(lightPass_.lightCount, asset_.packed.count);
     gl().Uniform1f(lightPass_.worldScale2, asset_.packed.worldScale2);
-    runPass(asset_, lightFramebuffer_, (asset_.packed.count + 3) / 4);
+    runPass(asset_, lightFramebuffer_, asset_.rows * ((asset_.packed.count + 3) / 4));
 }
 
 void GpuBigs::runViewPass(const glm::vec3& camera) const
@@ -208,7 +211,7 @@ void GpuBigs::runViewPass(const glm::vec3& camera) const
     bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
     bindTexture(gl(), 1, GL_TEXTURE_2D_ARRAY, scatter_);
     gl().Uniform3f(viewPass_.cameraAsset, camera.x, camera.y, camera.z);
-    runPass(asset_, viewFramebuffer_, sFunctions_);
+    runPass(asset_, viewFramebuffer_, contractedRows());
 }
 
 void GpuBigs::runCombinePass(const glm::vec3& camera) const
@@ -223,7 +226,7 @@ void GpuBigs::runCombinePass(const glm::vec3& camera) const
     gl().Uniform1i(combinePass_.lightCount, asset_.packed.count);
     gl().Uniform1f(combinePass_.worldScale2, asset_.packed.worldScale2);
     gl().Uniform3f(combinePass_.cameraAsset, camera.x, camera.y, camera.z);
-    runPass(asset_, combineFramebuffer_, 1);
+    runPass(asset_, combineFramebuffer_, asset_.rows);
 }
 
 Failure GpuBigs::setEdits(std::span<const SplatEdit> edits)

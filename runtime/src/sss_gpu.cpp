@@ -137,7 +137,7 @@ Failure GpuSss::checkLayout(const SplatAsset& source)
 {
     hasVisibility_ = source.find("visibility") != nullptr;
     hasNetwork_ = source.find("network") != nullptr;
-    return checkLongRow(asset_, "visibility", asset_.visibilitySize * asset_.visibilitySize);
+    return checkLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
 }
 
 void GpuSss::uploadMaterials() const
@@ -270,14 +270,14 @@ Failure GpuSss::relight(const DrawFrame& frame, bool lightsChanged)
         gl().Uniform3f(lightPass_.cameraAsset, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
         gl().Uniform1f(lightPass_.worldScale2, asset_.packed.worldScale2);
         gl().Uniform1f(lightPass_.inverseSize, inverseSize_);
-        runPass(asset_, litFramebuffer_, lights);
+        runPass(asset_, litFramebuffer_, asset_.rows * lights);
     }
     if (sumPass) {
         gl().UseProgram(sumPass_.name);
         bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
         bindTexture(gl(), 1, GL_TEXTURE_2D, lit_);
         gl().Uniform1i(sumPass_.lightCount, lights);
-        runPass(asset_, sumFramebuffer_, 1);
+        runPass(asset_, sumFramebuffer_, asset_.rows);
     }
     seenFrom_ = frame.cameraAsset;
     seen_ = true;

@@ -21,11 +21,12 @@ void setNearest(const Gl& gl, GLenum target)
     gl.TexParameteri(target, GL_TEXTURE_MAX_LEVEL, 0);
 }
 
-GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots)
+GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots) { return createRowTexture(asset, format, asset.rows * slots); }
+
+GLuint createRowTexture(NacreAssetImpl& asset, GLenum format, int height)
 {
     const Gl& gl = asset.context->gl;
     const bool index = format == GL_R32UI;
-    const int height = asset.rows * slots;
     GLuint texture = 0;
     gl.GenTextures(1, &texture);
     bindTexture(gl, 0, GL_TEXTURE_2D, texture);
@@ -53,21 +54,21 @@ void reportHostError(const NacreContextImpl& context)
         context.report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(error) + "; it was cleared");
 }
 
-void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int slots)
+void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int rows)
 {
     const Gl& gl = asset.context->gl;
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
-    const float box[4] = {0, 0, float(asset.width), float(asset.rows * slots)};
+    const float box[4] = {0, 0, float(asset.width), float(rows)};
     setViewport(gl, box);
     gl.DrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-Failure checkLongRow(const NacreAssetImpl& asset, const char* channel, int64_t texelsPerSplat)
+Failure checkLongRow(const NacreAssetImpl& asset, const char* channel, size_t splats, int64_t texelsPerSplat)
 {
     const Gl& gl = asset.context->gl;
-    const int64_t texels = asset.count * texelsPerSplat, layers = (texels >> 2 * asset.rowShift) + 1;
+    const int64_t texels = int64_t(splats) * texelsPerSplat, layers = (texels >> 2 * asset.rowShift) + 1;
     if (layers <= gl.maxArrayLayers && texels <= std::numeric_limits<int32_t>::max()) return {};
-    return {NACRE_ERROR_UNSUPPORTED, std::string("the ") + channel + " of " + std::to_string(asset.count) + " splats needs " +
+    return {NACRE_ERROR_UNSUPPORTED, std::string("the ") + channel + " of " + std::to_string(splats) + " splats needs " +
                                          std::to_string(texels) + " texels in " + std::to_string(layers) +
                                          " layers, drawn are at most 2^31 - 1 and, by this GPU, " + std::to_string(gl.maxArrayLayers) +
                                          " layers; bake with fewer splats or a smaller s"};

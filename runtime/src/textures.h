@@ -14,6 +14,8 @@ void setNearest(const Gl& gl, GLenum target);
 
 /// Allocates a texture of `slots` slots; adds to gpuBytes. R32UI has one number a texel, the other formats four.
 GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots);
+/// The same with any number of rows.
+GLuint createRowTexture(NacreAssetImpl& asset, GLenum format, int rows);
 
 /// A framebuffer that draws into `texture`. Leaves it bound.
 GLuint createTarget(const Gl& gl, GLuint texture);
@@ -21,11 +23,11 @@ GLuint createTarget(const Gl& gl, GLuint texture);
 /// After a failure of ours: GL errors that the host had pending are cleared, with a warning. Asked only then, so that drawing never waits.
 void reportHostError(const NacreContextImpl& context);
 
-/// A draw over `slots` slots of a target.
-void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int slots);
+/// A draw over the first `rows` rows of a target.
+void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int rows);
 
-/// A channel of one long row, `texelsPerSplat` per splat: its indices must fit an int, its layers the GPU.
-Failure checkLongRow(const NacreAssetImpl& asset, const char* channel, int64_t texelsPerSplat);
+/// A channel of one long row, `texelsPerSplat` for each of `splats`: its indices must fit an int, its layers the GPU.
+Failure checkLongRow(const NacreAssetImpl& asset, const char* channel, size_t splats, int64_t texelsPerSplat);
 /// Every value must fit a half float.
 Failure checkHalfRange(const Channel& channel);
 

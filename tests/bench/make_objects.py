@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Meshes of one known, constant material for materials.sh:  make_objects.py PEBBLE.glb OUT
-Writes OUT/sphere.glb (analytic normals, 0.6 0.25 0.15, roughness 0.35) and OUT/stone.glb, the mesh of PEBBLE.glb with that material."""
+"""Meshes to bake whose answer is known:  make_objects.py PEBBLE.glb OUT
+Writes OUT/sphere.glb (analytic normals, 0.6 0.25 0.15, roughness 0.35), OUT/stone.glb, the mesh of PEBBLE.glb with that material, and
+OUT/pair.glb, two spheres beside each other, one of a material named coat (for nacre synth --fur ...:material=coat), one dull and plain."""
 import json, math, pathlib, struct, sys
 
 MATERIAL = {"name": "plain", "pbrMetallicRoughness": {"baseColorFactor": [0.6, 0.25, 0.15, 1], "metallicFactor": 0, "roughnessFactor": 0.35}}
@@ -36,10 +37,22 @@ def sphere(rings=96, segments=192):
         "buffers": [{"byteLength": len(vertices) + len(indices)}]}, vertices + indices
 
 
+def pair():
+    document, binary = sphere(48, 96)
+    primitive = document["meshes"][0]["primitives"][0]
+    document["materials"] = [dict(MATERIAL, name="coat"),
+                             dict(MATERIAL, name="plain", pbrMetallicRoughness=dict(MATERIAL["pbrMetallicRoughness"], roughnessFactor=1))]
+    document["meshes"] = [{"primitives": [dict(primitive, material=m)]} for m in (0, 1)]
+    document["nodes"] = [{"mesh": 0, "translation": [-0.95, 0, 0]}, {"mesh": 1, "translation": [0.95, 0, 0]}]
+    document["scenes"] = [{"nodes": [0, 1]}]
+    return document, binary
+
+
 def main():
     source, out = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
     out.mkdir(parents=True, exist_ok=True)
     write_glb(out / "sphere.glb", *sphere())
+    write_glb(out / "pair.glb", *pair())
     data = source.read_bytes()
     length = struct.unpack_from("<I", data, 12)[0]
     document = json.loads(data[20:20 + length])

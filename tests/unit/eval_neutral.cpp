@@ -1,7 +1,7 @@
 // The fitted look of viewers that cannot relight.
 #include "pack/neutral_look.h"
 
-#include "appearance/bigs/bigs.h"
+#include "appearance/bigs/bigs_asset.h"
 
 #include <doctest/doctest.h>
 #include <tbb/global_control.h>
@@ -58,15 +58,7 @@ std::vector<Light> makeLights(size_t count)
 /// Radiance of splat `i` towards `wo`, straight from the definition, lights as given.
 glm::dvec3 radiance(const SplatAsset& asset, size_t i, const std::vector<Light>& lights, const glm::vec3& wo)
 {
-    const Channel *s = asset.find("s"), *visibility = asset.find("visibility");
-    int functions = 0;
-    for (int f : {1, 4, 9, 16, 25})
-        if (s && int(s->components) == 3 * bigsPairCount(f)) functions = f;
-    const BigsCoefficients<float> g{&asset.channels[0].values[25 * i], &asset.channels[1].values[75 * i],
-                                    &asset.channels[2].values[3 * i], s ? &s->values[s->components * i] : nullptr, functions,
-                                    asset.find("lobe") ? &asset.find("lobe")->values[7 * i] : nullptr,
-                                    visibility ? VisibilityMap{&visibility->bytes[visibility->components * i], visibilitySize(visibility->components)} : VisibilityMap{},
-                                    asset.find("shadow") ? asset.find("shadow")->values[i] : 1.0f};
+    const BigsCoefficients<float> g = BigsChannels(asset).at(i);
     float yView[25], yLight[25], a[75];
     shBasis(25, wo.x, wo.y, wo.z, yView);
     bigsContractView(g, yView, a);

@@ -33,7 +33,7 @@ std::string decodeError(std::span<const std::byte> bytes)
 bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 
 const std::string kGolden = std::string(NACRE_SOURCE_DIR) + "/tests/golden/asset_v";
-SplatAsset goldenAsset(int version) { return makeAsset(3, 4, 9, /*sharp*/ version >= 2); }
+SplatAsset goldenAsset(int version) { return version >= 3 ? makeLeading(3, 2, 4, /*sharp*/ true) : makeAsset(3, 4, 9, /*sharp*/ version >= 2); }
 
 } // namespace
 
@@ -65,6 +65,37 @@ TEST_CASE("an asset of the model sss comes back bit for bit; a row for all splat
     CHECK(contains(decodeError(parts.bytes()), "perAsset is neither true nor false"));
     network.erase("perAsset");
     CHECK(contains(decodeError(parts.bytes()), "expected 5 splats x 7080 floats"));
+}
+
+TEST_CASE("a channel of the first splats only comes back bit for bit, and every other number of rows is refused")
+{
+    const SplatAsset asset = makeLeading(5, 2, 4);
+    const auto back = decodeAsset(encoded(asset));
+    REQUIRE_MESSAGE(back, (back ? "" : back.error().message));
+    CHECK(identical(asset, *back));
+    CHECK(GlbParts(encoded(asset)).relight()["version"] == 3);
+    CHECK(GlbParts(encoded(makeAsset(5, 4, 4))).relight()["version"] == 2); // older readers can read what does not need it
+
+    const auto withLeading = [&](const char* name, const json& leading) {
+        GlbParts parts(encoded(asset));
+        for (json& channel : parts.relight()["channels"])
+            if (channel["name"] == name) channel["leading"] = leading;
+        return decodeError(parts.bytes());
+    };
+    CHECK(contains(withLeading("s", 1), "expected 1 splats x 30 floats"));
+    CHECK(contains(withLeading("s", 3), "expected 3 splats x 30 floats"));
+    for (const json& wrong : {json(0), json(5), json(6), json(4294967295u), json(9223372036854775807u)})
+        CHECK(contains(withLeading("s", wrong), "expected 1 to 4"));
+    for (const json& wrong : {json(-1), json(1.5), json("2"), json(18446744073709551615u)}) CHECK(withLeading("s", wrong) != "");
+    GlbParts parts(encoded(asset)); // a channel that has to cover all, with the bytes of a part
+    for (json& channel : parts.relight()["channels"])
+        if (channel["name"] == "rho") channel["leading"] = 4, parts.json["bufferViews"][channel["bufferView"].get<size_t>()]["byteLength"] = 48;
+    CHECK(contains(decodeError(parts.bytes()), "channel 'rho' has rows for the first 4 of 5 splats, expected for all"));
+
+    SplatAsset all = asset;
+    for (Channel& c : all.channels)
+        if (c.name == "s") c.leading = 5;
+    CHECK_FALSE(encodeAsset(all));
 }
 
 TEST_CASE("asset keeps floats that have no short decimal text")
@@ -126,18 +157,18 @@ TEST_CASE("fallback colour is the clamped linear colour of the constant SH term,
 
 TEST_CASE("golden files of every version still decode")
 {
-    for (int version : {1, 2}) {
+    for (int version : {1, 2, 3}) {
         const auto bytes = readFile(kGolden + std::to_string(version) + ".glb");
         REQUIRE_MESSAGE(bytes, (bytes ? "" : bytes.error().message));
         const auto asset = decodeAsset(*bytes);
         REQUIRE_MESSAGE(asset, (asset ? "" : asset.error().message));
         CHECK(identical(*asset, goldenAsset(version)));
-        if (version == 2) CHECK(encoded(*asset) == *bytes); // the current version is also written as it was
+        if (version >= 2) CHECK(encoded(*asset) == *bytes); // what needs no newer version is also written as it was
     }
 }
 
 // Only for a new format version: test_formats --no-skip -tc="write the golden file"
-TEST_CASE("write the golden file" * doctest::skip()) { REQUIRE(writeAsset(goldenAsset(2), kGolden + "2.glb")); }
+TEST_CASE("write the golden file" * doctest::skip()) { REQUIRE(writeAsset(goldenAsset(3), kGolden + "3.glb")); }
 
 TEST_CASE("asset cut at every prefix is an error")
 {
@@ -209,7 +240,7 @@ TEST_CASE("counts, lengths and offsets that lie are refused")
         for (const char* field : {"components", "componentType"})
             refuses(field, [&](GlbParts& g) { g.relight()["channels"][1][field] = n; });
         if (n != json(0)) refuses("buffer", [&](GlbParts& g) { g.json["bufferViews"][0]["buffer"] = n; });
-        if (n != json(1) && n != json(2)) refuses("version", [&](GlbParts& g) { g.relight()["version"] = n; });
+        if (n != json(1) && n != json(2) && n != json(3)) refuses("version", [&](GlbParts& g) { g.relight()["version"] = n; });
         if (n != json(0)) refuses("mode", [&](GlbParts& g) { g.primitive()["mode"] = n; });
         if (n != json(0) && n != json(1)) // a prefix of the coefficients is a smaller look, not a lie
             if (n != json(4)) refuses("neutralFunctions", [&](GlbParts& g) { g.relight()["neutralFunctions"] = n; });
@@ -312,7 +343,7 @@ TEST_CASE("files that are no Nacre assets say what they are")
     };
     CHECK(contains(messageAfter([](GlbParts& g) { g.splatting().erase("extensions"); }), "without Nacre relighting data"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.primitive().erase("extensions"); }), "without Gaussian splats"));
-    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["version"] = 3; }), "update Nacre"));
+    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["version"] = 4; }), "update Nacre"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["model"] = "nerf"; }), "unknown appearance model 'nerf'"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.json["extensionsRequired"] = {"EXT_meshopt_compression"}; }),
                    "EXT_meshopt_compression"));

@@ -54,6 +54,15 @@ inline SplatAsset makeAsset(size_t count, int sFunctions, int neutralFunctions, 
     return asset;
 }
 
+/// makeAsset with rows of s for the first `leading` splats only.
+inline SplatAsset makeLeading(size_t count, size_t leading, int sFunctions, bool sharp = false)
+{
+    SplatAsset asset = makeAsset(count, sFunctions, 4, sharp);
+    for (Channel& c : asset.channels)
+        if (c.name == "s") c.leading = leading, c.values.resize(leading * c.components);
+    return asset;
+}
+
 /// The same splats as an asset of the model sss, with all channels or only those that it must have.
 inline SplatAsset makeSss(size_t count, bool all)
 {
@@ -90,7 +99,7 @@ inline bool identical(const SplatAsset& a, const SplatAsset& b)
                 a.neutral.shFunctions == b.neutral.shFunctions && sameBits(a.neutral.sh, b.neutral.sh) &&
                 a.channels.size() == b.channels.size();
     for (size_t i = 0; same && i < a.channels.size(); ++i)
-        same = a.channels[i].name == b.channels[i].name && a.channels[i].components == b.channels[i].components && a.channels[i].perAsset == b.channels[i].perAsset &&
+        same = a.channels[i].name == b.channels[i].name && a.channels[i].components == b.channels[i].components && a.channels[i].perAsset == b.channels[i].perAsset && a.channels[i].leading == b.channels[i].leading &&
                sameBits(a.channels[i].values, b.channels[i].values) && sameBits(a.channels[i].bytes, b.channels[i].bytes);
     return same;
 }

@@ -293,6 +293,86 @@ TEST_CASE("without s, all else of a splat stays where it was, optimiser state in
         }
 }
 
+TEST_CASE("where s is left out it is and stays zero; nothing else changes, neither there nor beside it")
+{
+    std::vector<uint8_t> kept(Scene::kCount);
+    for (size_t i = 0; i < Scene::kCount; ++i) kept[i] = i >= 16 && i % 3 == 0; // a block without s, a mixed one, a last one that is short
+    const auto step = [&](bool leaveOut) {
+        Scene scene(9);
+        for (size_t i = 0; i < Scene::kCount; ++i)
+            for (int k = kScatter; k < scene.parameters.coefficients() && !kept[i]; ++k) scene.parameters.value[scene.parameters.index(i, k)] = 0;
+        if (leaveOut) scene.parameters.keepScatter(kept);
+        std::mt19937_64 rng(8);
+        std::uniform_real_distribution<float> u(-1, 1);
+        std::vector<float> colors(scene.visible * 16), dColors(scene.visible * 16);
+        for (float& d : dColors) d = u(rng);
+        AlignedVector<float> terms(scene.parameters.blocks() * kBigsTermStride * kLanes16);
+        BigsUpdate update;
+        for (float& r : update.rate) r = 0.01f;
+        update.positiveWeight = 0.02f, update.energyWeight = 0.03f;
+        BigsLobeGradients lobe;
+        bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, {}, colors.data(), terms.data());
+        bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, {}, std::vector<uint8_t>(scene.visible, 1).data(), dColors.data(),
+                            terms.data(), update, lobe);
+        return std::pair(scene.parameters, colors);
+    };
+    const auto [out, outColors] = step(true);
+    const auto [all, allColors] = step(false);
+    CHECK(outColors == allColors);
+    size_t learnt = 0;
+    for (size_t i = 0; i < Scene::kCount; ++i)
+        for (int k = 0; k < out.coefficients(); ++k) {
+            CAPTURE(i);
+            CAPTURE(k);
+            const bool none = k >= kScatter && !kept[i];
+            REQUIRE(out.value[out.index(i, k)] == (none ? 0.0f : all.value[all.index(i, k)]));
+            REQUIRE(out.momentum[out.index(i, k)] == (none ? 0.0f : all.momentum[all.index(i, k)]));
+            learnt += none && all.value[all.index(i, k)] != 0;
+        }
+    CHECK(learnt > 100); // had it not been left out
+}
+
+TEST_CASE("splats without s stay so when they are saved, moved and split, and the asset has zeros for them")
+{
+    const std::vector<GaussianGeometry<float>> geometry(6);
+    const auto model = makeTrainableAppearance("bigs", {4});
+    model->resize(6);
+    ByteWriter saved;
+    model->leaveOut("s", std::vector<uint8_t>{1, 0, 1, 0, 0, 1});
+    model->save(saved);
+    const auto loaded = makeTrainableAppearance("bigs", {4});
+    ByteReader in(saved.bytes);
+    REQUIRE(loaded->load(in));
+    loaded->resize(7);
+    loaded->copySplat(1, 6);
+    loaded->copySplat(2, 4);
+    loaded->permute(std::vector<uint32_t>{6, 5, 4, 3, 2, 1, 0}); // without s: 6, 3, 1, now in rows 0, 3, 5
+
+    std::vector<GaussianGeometry<float>> seven(7);
+    std::vector<uint32_t> visible(7);
+    for (uint32_t i = 0; i < 7; ++i) visible[i] = i, seven[i].position[0] = float(i);
+    const VisibleView view{seven, visible, 7};
+    LitView lit;
+    lit.lightCount = 1, lit.lights[0].position = {1, 2, 3}, lit.lights[0].intensity = glm::vec3(5);
+    lit.eye[2] = 4;
+    std::vector<float> colors(7 * 16), d(7 * 16, 1.0f);
+    const float random[3] = {0.1f, 0.2f, 0.3f};
+    loaded->beginStep(0.5, 1, 1, random, seven);
+    loaded->forward(view, lit, colors.data());
+    loaded->backwardAndStep(view, lit, std::vector<uint8_t>(7, 1).data(), d.data());
+    bool found = false;
+    for (const Channel& c : loaded->exportChannels()) {
+        if (c.name != "s") continue;
+        found = true;
+        for (size_t i = 0; i < 7; ++i) {
+            CAPTURE(i);
+            const bool zero = std::all_of(&c.values[c.components * i], &c.values[c.components * i] + c.components, [](float x) { return x == 0; });
+            CHECK(zero == (i == 0 || i == 3 || i == 5));
+        }
+    }
+    CHECK(found);
+}
+
 TEST_CASE("SIMD forward equals the scalar evaluator")
 {
     for (int sFunctions : {0, 9, 25}) {

@@ -3,6 +3,7 @@
 #include "splat/random.h"
 #include "splat/visual_hull.h"
 #include "train/checkpoint.h"
+#include "train/cluster_choice.h"
 #include "train/trainer.h"
 #include "appearance/model_table.h"
 
@@ -210,6 +211,62 @@ TEST_CASE("a hull that cameras enclose keeps off the border; one seen from the f
     sphereViews(0.5, 48, cameras, masks);
     CHECK_FALSE(touchesBorder(carveVisualHull(cameras, masks, 32)));
     CHECK(touchesBorder(carveVisualHull(std::span(cameras).first(1), std::span(masks).first(1), 32)));
+}
+
+TEST_CASE("every model: splats answer for the whole error of the pixels that they cover, and for nothing else")
+{
+    for (const AppearanceModel& model : appearanceModels()) {
+        CAPTURE(model.name);
+        Trainer trainer = sphereTrainer(300, 300, model.name);
+        train(trainer, 1, 20);
+        std::vector<Camera> cameras;
+        std::vector<std::vector<uint8_t>> alphas;
+        sphereViews(0.5, 64, cameras, alphas);
+        Light lights[2];
+        lights[0].position = {0, 2, 4}, lights[0].intensity = glm::vec3(20);
+        lights[1].position = {3, 0, 1}, lights[1].intensity = glm::vec3(9);
+        const PreparedImage image = disc(cameras[0], alphas[0]);
+        const PreparedImage* references[] = {&image, &image};
+        std::vector<float> planes, errors(64 * 64);
+        trainer.render(cameras[0], lights, planes); // what the step sees
+        objectErrors(planes.data(), references, 2, errors.data());
+        double expected = 0, all = 0;
+        for (size_t i = 0; i < errors.size(); ++i) expected += double(errors[i]) * planes[6 * errors.size() + i], all += errors[i];
+        std::vector<double> ofSplats(trainer.count());
+        const LossStats stats = trainer.step(cameras[0], lights, references, {21, 0.21}, ofSplats.data());
+        CHECK(all == doctest::Approx(stats.squaredErrorMasked).epsilon(1e-4)); // exp2 against pow
+        CHECK(expected > 0.5 * all);
+        double sum = 0;
+        for (const double e : ofSplats) {
+            CHECK(e >= 0);
+            sum += e;
+        }
+        CHECK(sum == doctest::Approx(expected).epsilon(1e-3));
+    }
+}
+
+TEST_CASE("a part stays where it saves error, and nowhere for a few splats")
+{
+    std::vector<double> with(3200, 1.0), without(3200, 1.0);
+    const auto kept = [&](double leastWorth) {
+        const std::vector<uint8_t> k = chooseClusters(with, without, leastWorth);
+        return std::vector<uint8_t>{k[0], k[1599], k[1600], k[3199]};
+    };
+    CHECK(kept(0.5) == std::vector<uint8_t>{0, 0, 0, 0});
+    std::fill_n(without.begin(), 1600, 1.2); // 0.8 dB in the first half
+    CHECK(kept(0.5) == std::vector<uint8_t>{1, 1, 0, 0});
+    CHECK(kept(1.0) == std::vector<uint8_t>{0, 0, 0, 0});
+    std::fill_n(with.begin() + 1600, 1600, 9.0), std::fill_n(without.begin() + 1600, 1600, 9.4); // more error, 0.2 dB of it
+    CHECK(kept(0.5) == std::vector<uint8_t>{0, 0, 0, 0}); // 0.2 of 1 are no longer much, nor 0.4 of 9
+    std::fill_n(without.begin() + 1600, 1600, 12.0);
+    CHECK(kept(0.5) == std::vector<uint8_t>{0, 0, 1, 1});
+    with.assign(3200, 1.0), without.assign(3200, 1.0);
+    std::fill_n(without.begin(), 300, 2.0);
+    CHECK(kept(0.5) == std::vector<uint8_t>{0, 0, 0, 0}); // 9 % of the splats
+    for (const size_t few : {size_t(0), size_t(1), size_t(5)})
+        CHECK(chooseClusters(std::vector<double>(few, 1.0), std::vector<double>(few, 2.0), 0.5) == std::vector<uint8_t>(few, 1));
+    CHECK(chooseClusters(std::vector<double>(50, 0.0), std::vector<double>(50, 0.0), 0.5) == std::vector<uint8_t>(50, 0)); // no error, no need
+    CHECK(decibelBetween(10, 1) == doctest::Approx(10));
 }
 
 TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any place or foreign, it is refused")

@@ -127,15 +127,16 @@ public:
     std::vector<OptionalPart> optionalParts() const override
     {
         std::vector<OptionalPart> parts;
-        if (parameters_.sFunctions > 0) parts.push_back({"s", kScatterJudgedAt, kScatterWorth});
+        if (parameters_.sFunctions > 0) parts.push_back({"s", kScatterJudgedAt, kScatterWorth, true});
         if (lobeOn_ && normalsKnown_) parts.push_back({"lobe", kSharpJudgedAt, kSharpWorth});
         if (!parameters_.visibility.empty()) parts.push_back({"visibility", kSharpJudgedAt, kSharpWorth});
         return parts;
     }
 
-    void leaveOut(const std::string& part) override
+    void leaveOut(const std::string& part, std::span<const uint8_t> kept) override
     {
-        if (part == "s") parameters_.dropScatter(), bands_.scatter = 0;
+        if (part == "s" && !kept.empty()) parameters_.keepScatter(kept);
+        if (part == "s" && kept.empty()) parameters_.dropScatter(), bands_.scatter = 0;
         if (part == "lobe") lobeOn_ = bands_.lobe = false;
         if (part == "visibility") visibilityOn_ = false, parameters_.visibility.clear();
     }
@@ -163,6 +164,7 @@ public:
         out.value(int32_t(parameters_.sFunctions));
         out.value(uint64_t(parameters_.count));
         out.array(parameters_.value), out.array(parameters_.momentum), out.array(parameters_.secondMoment), out.array(parameters_.visibility);
+        out.array(parameters_.scatters);
         out.value(normalsKnown_), out.value(lobeOn_), out.value(visibilityOn_), out.value(int32_t(visibilityRenewed_));
         shared_.save(out);
         out.array(neighbours_);
@@ -174,7 +176,7 @@ public:
         p.sFunctions = in.value<int32_t>();
         if (p.sFunctions != scatterFunctions_ && p.sFunctions != 0) return false; // 0: left out
         p.count = in.value<uint64_t>();
-        in.array(p.value), in.array(p.momentum), in.array(p.secondMoment), in.array(p.visibility);
+        in.array(p.value), in.array(p.momentum), in.array(p.secondMoment), in.array(p.visibility), in.array(p.scatters);
         normalsKnown_ = in.value<bool>(), lobeOn_ = in.value<bool>(), visibilityOn_ = in.value<bool>(), visibilityRenewed_ = in.value<int32_t>();
         if (!shared_.load(in, p.count)) return false;
         std::vector<uint32_t> neighbours;
@@ -184,7 +186,7 @@ public:
             if (i >= p.count) return false;
         const size_t floats = p.blocks() * p.coefficients() * kLanes16;
         if (in.failed || p.value.size() != floats || p.momentum.size() != floats || p.secondMoment.size() != p.blocks() * kBigsGroups * kLanes16 ||
-            (!p.visibility.empty() && p.visibility.size() != p.count * kVisibilityTexels))
+            (!p.visibility.empty() && p.visibility.size() != p.count * kVisibilityTexels) || (!p.scatters.empty() && p.scatters.size() != p.count))
             return false;
         parameters_ = std::move(p), neighbours_ = std::move(neighbours);
         return true;

@@ -350,13 +350,14 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
     const D d;
     const int lights = view.lightCount + (random.on ? 1 : 0);
     const BiasCorrection bias(update);
-    alignas(64) float scratchOn[kN], gathered[3 * kMaxLightsPerStep][kN];
+    alignas(64) float scratchOn[kN], scatters[kN], gathered[3 * kMaxLightsPerStep][kN];
     for (int lane = 0; lane < kLanes16; lane += kN) {
         bool any = false;
         for (int k = 0; k < kN; ++k) {
             const uint32_t v = in.visible[lane + k];
             const bool on = v != ~0u && active[v];
             scratchOn[k] = on ? 1.0f : 0.0f;
+            scatters[k] = on && (parameters.scatters.empty() || (lane + k < in.lanes && parameters.scatters[in.first + size_t(lane + k)])) ? 1.0f : 0.0f;
             any = any || on;
         }
         if (!any) continue;
@@ -524,7 +525,7 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
             const int group = kGroupScatter0 + degree;
             if (!(update.rate[group] > 0)) continue;
             const V rate = stepSize(second + group * kLanes16, meanSquare, update.rate[group], update, bias, on);
-            const Adam adam{oneMinusBeta1, beta1, rate, on};
+            const Adam adam{oneMinusBeta1, beta1, rate, hn::Gt(hn::Load(d, scatters), zero())};
             for (int b = b0; b < b1; ++b) {
                 const size_t row = size_t(kScatter + 3 * (b * (b + 1) / 2)) * kLanes16;
                 for (int a = 0; a <= b; ++a)
@@ -559,6 +560,7 @@ void BigsParameters::resize(size_t newCount)
     momentum.resize(value.size());
     secondMoment.resize(blocks() * kBigsGroups * kLanes16);
     if (!visibility.empty()) visibility.resize(count * kVisibilityTexels, 255);
+    if (!scatters.empty()) scatters.resize(count, 1);
     for (size_t i = old; i < count; ++i) { // the last block may hold what was there before an earlier shrink
         for (int k = 0; k < coefficients(); ++k) value[index(i, k)] = momentum[index(i, k)] = 0.0f;
         for (int k = 0; k < kBigsGroups; ++k) secondMoment[(i / kLanes16 * kBigsGroups + k) * kLanes16 + i % kLanes16] = 0.0f;
@@ -570,6 +572,7 @@ void BigsParameters::copySplat(size_t from, size_t to)
     for (int k = 0; k < coefficients(); ++k) value[index(to, k)] = value[index(from, k)], momentum[index(to, k)] = 0.0f;
     if (!visibility.empty())
         std::copy_n(&visibility[from * kVisibilityTexels], kVisibilityTexels, &visibility[to * kVisibilityTexels]);
+    if (!scatters.empty()) scatters[to] = scatters[from];
     for (int k = 0; k < kBigsGroups; ++k) secondMoment[(to / kLanes16 * kBigsGroups + k) * kLanes16 + to % kLanes16] = 0.0f;
 }
 
@@ -585,11 +588,13 @@ void BigsParameters::permute(std::span<const uint32_t> order)
     apply(value, coefficients());
     apply(momentum, coefficients());
     apply(secondMoment, kBigsGroups);
-    if (visibility.empty()) return;
-    std::vector<uint8_t> moved(visibility.size());
-    for (size_t i = 0; i < order.size(); ++i)
-        std::copy_n(&visibility[order[i] * kVisibilityTexels], kVisibilityTexels, &moved[i * kVisibilityTexels]);
-    visibility.swap(moved);
+    const auto applyBytes = [&](std::vector<uint8_t>& data, size_t row) {
+        std::vector<uint8_t> out(data.size());
+        for (size_t i = 0; i < order.size() && !data.empty(); ++i) std::copy_n(&data[order[i] * row], row, &out[i * row]);
+        data.swap(out);
+    };
+    applyBytes(visibility, kVisibilityTexels);
+    applyBytes(scatters, 1);
 }
 
 void BigsParameters::dropScatter()
@@ -597,6 +602,7 @@ void BigsParameters::dropScatter()
     if (sFunctions == 0) return;
     const size_t oldRow = size_t(coefficients()) * kLanes16;
     sFunctions = 0;
+    scatters.clear();
     const size_t row = size_t(coefficients()) * kLanes16;
     for (AlignedVector<float>* data : {&value, &momentum}) {
         for (size_t block = 1; block < blocks(); ++block) std::copy_n(data->data() + block * oldRow, row, data->data() + block * row);
@@ -605,13 +611,35 @@ void BigsParameters::dropScatter()
     }
 }
 
+void BigsParameters::keepScatter(std::span<const uint8_t> kept)
+{
+    scatters.assign(kept.begin(), kept.end());
+    for (size_t i = 0; i < count; ++i)
+        for (int k = kScatter; k < coefficients() && !scatters[i]; ++k) value[index(i, k)] = momentum[index(i, k)] = 0.0f;
+}
+
+namespace {
+
+/// What is in use of a block.
+BigsBands bandsOf(const BigsParameters& parameters, size_t block, const BigsBands& bands)
+{
+    if (parameters.scatters.empty()) return bands;
+    const size_t first = block * kLanes16, lanes = std::min<size_t>(kLanes16, parameters.count - first);
+    const std::span<const uint8_t> scatters(&parameters.scatters[first], lanes);
+    BigsBands used = bands;
+    if (std::all_of(scatters.begin(), scatters.end(), [](uint8_t s) { return s == 0; })) used.scatter = 0;
+    return used;
+}
+
+} // namespace
+
 void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
                  const BigsRandomLight& random, float* colors, float* terms)
 {
     const auto run = HWY_DYNAMIC_DISPATCH(forwardBlock);
     tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
         const BlockInput in = gatherBlock(block, view);
-        if (in.any) run(parameters, block, in, lit, bands, random, colors, terms);
+        if (in.any) run(parameters, block, in, lit, bandsOf(parameters, block, bands), random, colors, terms);
     });
 }
 
@@ -623,7 +651,7 @@ void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, co
     const auto run = HWY_DYNAMIC_DISPATCH(backwardBlock);
     tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
         const BlockInput in = gatherBlock(block, view);
-        if (in.any) run(parameters, block, in, active, lit, bands, random, dColors, terms, update, lobe);
+        if (in.any) run(parameters, block, in, active, lit, bandsOf(parameters, block, bands), random, dColors, terms, update, lobe);
     });
 }
 

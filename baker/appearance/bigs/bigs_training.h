@@ -30,6 +30,7 @@ struct BigsParameters {
     AlignedVector<float> value, momentum; // [blocks][coefficients()][16]
     AlignedVector<float> secondMoment;    // [blocks][kBigsGroups][16]
     std::vector<uint8_t> visibility;      // [count][kVisibilityTexels]; empty: nothing shades anything
+    std::vector<uint8_t> scatters;        // [count]: 0 where s is left out, and zero; empty: s is everywhere
 
     int coefficients() const { return kScatter + 3 * bigsPairCount(sFunctions); }
     size_t blocks() const { return (count + kLanes16 - 1) / kLanes16; }
@@ -41,6 +42,8 @@ struct BigsParameters {
     void permute(std::span<const uint32_t> order);
     /// Rows without s from here on; all else, optimiser state included, stays.
     void dropScatter();
+    /// s only where kept[splat] != 0.
+    void keepScatter(std::span<const uint8_t> kept);
 };
 
 /// How many SH functions of each channel are in use (bands are switched on one after the other), and whether the lobe is.

@@ -57,7 +57,7 @@ class SssModel final : public TrainableAppearance {
 public:
     explicit SssModel(const AppearanceOptions& options)
     {
-        for (const std::string& part : options.without) leaveOut(part);
+        for (const std::string& part : options.without) leaveOut(part, {});
         Random random(7);
         const auto layer = [&](int at, int outputs, int inputs, float gain) {
             const float bound = gain * std::sqrt(6.0f / float(inputs));
@@ -205,7 +205,7 @@ public:
         return parts;
     }
 
-    void leaveOut(const std::string& part) override
+    void leaveOut(const std::string& part, std::span<const uint8_t>) override
     {
         if (part == "residual") residualOn_ = false;
         if (part == "share") shareOn_ = false;
