@@ -2,7 +2,8 @@
 //
 // The sphere is divided into the cells nearest to `count` spherical Fibonacci directions (equal solid angles to within a few
 // per cent). Each cell becomes one directional light: irradiance = sum over the cell of radiance x solid angle, so the total
-// is that of the map; direction = mean direction of the cell weighted by luminance, so a small bright sun keeps its place.
+// is that of the map; direction = mean direction of the cell weighted by luminance, so a small bright sun keeps its place; angular
+// radius = that of a disc whose directions agree as well as the cell's, so the sun stays sharp and the sky leaves no gaps.
 //
 // Axes of the map (formats/dataset): u right, v down in [0, 1]; theta = pi v from +Z, azimuth phi = pi - 2 pi u from +X towards
 // +Y.
@@ -76,6 +77,8 @@ Result<std::vector<Light>> expandEnvironment(const Light& light, int count)
         const double length = glm::length(weighted[i]);
         lights[i].type = LightType::kDirectional;
         lights[i].directionToLight = glm::vec3(length > 0 ? weighted[i] / length : directions[i]);
+        const double agreement = length > 0 ? length / luminance(irradiance[i]) : 1; // of a disc: (1 + cos radius) / 2
+        lights[i].radius = float(std::acos(std::clamp(2 * agreement - 1, 0.0, 1.0)));
         lights[i].intensity = glm::vec3(irradiance[i] * glm::dvec3(light.intensity));
     }
     return lights;

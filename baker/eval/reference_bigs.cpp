@@ -27,7 +27,7 @@ public:
             const LightSample<float> l = sampleLight(light, p);
             shBasis(25, l.dir[0], l.dir[1], l.dir[2], y);
             const BigsTerms<float> t = bigsTerms(g, a, y);
-            const BigsSharpTerms<float> sharp = bigsSharpTerms(g, toEye.dir, l.dir);
+            const BigsSharpTerms<float> sharp = bigsSharpTerms(g, toEye.dir, l.dir, highlightWidening(light));
             for (int c = 0; c < 3; ++c) color[c] += light.intensity[c] * l.falloff * bigsTransport(t, sharp, c);
         }
     }

@@ -4,7 +4,7 @@ uniform sampler2D uGeometry;   // slot 0: mean, opacity; slot 3: rho; slot 4: no
 uniform sampler2D uDirect;     // slot g: direct transport of lights 4g..4g+3, visibility included
 uniform sampler2D uIndirect;   // slot g: indirect radiance of lights 4g..4g+3
 uniform sampler2D uContracted; // see contractedTexel
-uniform sampler2D uLights;     // row 0: see sampleLight; row 1: intensity
+uniform sampler2D uLights;     // row 0: see sampleLight; row 1: intensity, widening of highlights
 uniform sampler2D uVisible;    // slot g: v of lights 4g..4g+3
 uniform vec3 uCameraAsset;
 uniform int uLightCount;
@@ -51,7 +51,7 @@ void main()
 #endif
         vec3 reflected = dot(texelFetch(uDirect, group, 0), lane) * max(scatter, 0.0);
 #if HAS_LOBE
-        float gloss = s.w * bigsLobe(normalSharpness, towards, s.xyz);
+        float gloss = s.w * bigsLobe(normalSharpness, towards, s.xyz, texelFetch(uLights, ivec2(t, 1), 0).w);
 #if HAS_VISIBILITY
         gloss *= dot(texelFetch(uVisible, group, 0), lane);
 #endif

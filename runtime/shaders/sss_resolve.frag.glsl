@@ -2,7 +2,7 @@
 // layers hold. With EXTRA it adds further lights to a pixel that has its scattered light and alpha already.
 uniform sampler2DArray uLayers;  // scattered, normal, base, roughness+metalness+subsurfaceness, depth+2 incident, 3 incident ...
 uniform sampler2DArray uFurther; // EXTRA: 3 incident each
-uniform sampler2D uLights;       // row 0: see sampleLight; row 1: intensity
+uniform sampler2D uLights;       // row 0: see sampleLight; row 1: intensity, widening of highlights
 uniform vec3 uEye;               // asset space
 uniform vec3 uRayOrigin, uRayRight, uRayUp; // pixel (x, y) of the window looks along origin + x right + y up
 uniform float uDepthOrigin;
@@ -46,8 +46,8 @@ void main()
         for (int t = 0; t < LIGHTS; ++t) {
             if (uFirstLight + t >= uLightCount) break;
             vec4 s = sampleLight(texelFetch(uLights, ivec2(uFirstLight + t, 0), 0), point, uWorldScale2);
-            vec3 irradiance = s.w * texelFetch(uLights, ivec2(uFirstLight + t, 1), 0).rgb;
-            reflected += incidentShare(t) * irradiance * sssReflect(surface, -ray, s.xyz);
+            vec4 intensity = texelFetch(uLights, ivec2(uFirstLight + t, 1), 0);
+            reflected += incidentShare(t) * s.w * intensity.rgb * sssReflect(surface, -ray, s.xyz, intensity.w);
         }
         color += (1.0 - material.z) * reflected;
     }

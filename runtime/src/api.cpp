@@ -6,6 +6,7 @@
 #include "host_depth.h"
 
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <new>
@@ -56,6 +57,7 @@ Failure checkLight(const NacreLight& light, size_t index)
     if (type != NACRE_LIGHT_POINT && type != NACRE_LIGHT_DIRECTIONAL)
         return invalid(which + "unknown type " + std::to_string(type));
     constexpr float kFarthest = 1e15f; // so that squared distances stay finite in float
+    constexpr float kWidestLight = 1.6f; // radians
     constexpr float kBrightest = 1e15f; // times falloff 1e6, the largest coefficients and 256 lights still finite: no inf * 0
     double length2 = 0;
     for (int c = 0; c < 3; ++c) {
@@ -68,6 +70,8 @@ Failure checkLight(const NacreLight& light, size_t index)
         return invalid(which + "vector of a directional light must have length 1, found " + std::to_string(std::sqrt(length2)));
     if (light.type == NACRE_LIGHT_POINT && !(light.radius >= 0 && light.radius <= kFarthest))
         return invalid(which + "radius must be finite and not negative");
+    if (light.type == NACRE_LIGHT_DIRECTIONAL && !(light.radius >= 0 && light.radius <= kWidestLight))
+        return invalid(which + "radius of a directional light is an angle from 0 to 1.6 radians, found " + std::to_string(light.radius));
     return {};
 }
 
@@ -187,6 +191,7 @@ NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info)
         const glm::quat& q = asset->yUpFromAsset;
         const float xyzw[4] = {q.x, q.y, q.z, q.w};
         std::memcpy(info->yUpFromAsset, xyzw, sizeof xyzw);
+        std::snprintf(info->model, sizeof info->model, "%s", asset->modelName.c_str());
         return {};
     });
 }

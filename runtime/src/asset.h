@@ -15,6 +15,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 namespace nacre {
@@ -57,6 +58,8 @@ struct NacreAssetImpl {
     uint64_t gpuBytes = 0;
     GLuint geometry = 0, lights = 0, order = 0;
     std::unique_ptr<nacre::GpuModel> model;
+
+    std::string modelName;
 
     // For culling and sorting on the CPU.
     std::vector<glm::vec3> positions;

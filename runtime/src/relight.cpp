@@ -20,7 +20,8 @@ static PackedLights packLights(const std::vector<NacreLight>& lights, const Draw
         packed.shape[i] = light.type == NACRE_LIGHT_POINT
                               ? glm::vec4(glm::vec3(frame.assetFromWorld * glm::dvec4(v, 1.0)), radius * radius)
                               : glm::vec4(glm::vec3(glm::normalize(glm::dmat3(frame.assetFromWorld) * v)), -1.0f);
-        packed.intensity[i] = glm::vec4(light.intensity[0], light.intensity[1], light.intensity[2], 0.0f);
+        packed.intensity[i] = glm::vec4(light.intensity[0], light.intensity[1], light.intensity[2],
+                                        light.type == NACRE_LIGHT_DIRECTIONAL ? highlightWidening(light.radius) : 0.0f);
     }
     return packed;
 }

@@ -95,6 +95,7 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
     const Gl& gl = context.gl;
     asset.context = &context;
     asset.model = makeGpuModel(source.model, asset);
+    asset.modelName = source.model;
     if (!asset.model) return {NACRE_ERROR_UNSUPPORTED, "this version does not draw the model '" + source.model + "'"};
     if (source.cloud.count > (size_t(1) << 28))
         return {NACRE_ERROR_UNSUPPORTED, "the asset has " + std::to_string(source.cloud.count) + " splats, the most is 2^28"};

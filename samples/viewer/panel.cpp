@@ -16,8 +16,7 @@ constexpr ImGuiSliderFlags kLogClamp = kClamp | ImGuiSliderFlags_Logarithmic;
 static void drawStatus(const Status& s, PanelState& panel)
 {
     ImGui::TextWrapped("%s", s.asset.c_str());
-    // only this model has materials, so taking edits names it
-    ImGui::Text("model %s, %.1f MiB on the GPU", s.noEdits.empty() ? "sss" : "bigs", double(s.info.gpuBytes) / 1048576);
+    ImGui::Text("model %s, %.1f MiB on the GPU", s.info.model, double(s.info.gpuBytes) / 1048576);
     ImGui::Text("%u splats, %u of them drawn", s.info.splatCount, s.draw.splatsDrawn);
     ImGui::Text("frame %.1f ms, mean %.1f ms (of 60)", double(s.lastMs), double(s.meanMs));
     ImGui::Text("passes run: light %u, view %u, combine %u, sort %u", s.draw.lightPassesRun, s.draw.viewPassesRun,

@@ -5,6 +5,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -83,6 +84,16 @@ TEST_CASE("bright texel lights from where it is")
             2 * std::numbers::pi / 64 * (std::cos(std::numbers::pi * c.y / 32) - std::cos(std::numbers::pi * (c.y + 1) / 32));
         CHECK(total(lights).r == doctest::Approx(100 * solidAngle).epsilon(1e-5)); // f32
     }
+}
+
+TEST_CASE("a cell is as wide as what shines in it: all of it under a constant sky, a point for a small sun")
+{
+    for (const int count : {32, 128, 512})
+        for (const Light& l : expand(128, 64, count, [](int, int) { return glm::vec3(1.0f); }))
+            CHECK(l.radius == doctest::Approx(2 / std::sqrt(count)).epsilon(0.25)); // a disc of 4 pi / count, not quite round
+    const auto lights = expand(256, 128, 128, [](int x, int y) { return glm::vec3(x == 70 && y == 40 ? 1e7f : 1.0f); });
+    const auto sun = std::max_element(lights.begin(), lights.end(), [](const Light& a, const Light& b) { return a.intensity.r < b.intensity.r; });
+    CHECK(sun->radius < 0.02);
 }
 
 TEST_CASE("irradiance of a plane under a smooth map is kept")

@@ -3,6 +3,8 @@
 
 #include "base/file.h"
 #include "appearance/bigs/bigs.h"
+#include "appearance/sss/sss.h"
+#include "base/light.h"
 #include "base/fibonacci_sphere.h"
 #include "base/spherical_harmonics.h"
 
@@ -375,4 +377,32 @@ TEST_CASE("lobe: peak at the mirror direction, reciprocal up to the facing term,
     }
     const double wild[7] = {30, -4, 8, -1e9, 1, 1, 1}, w[3] = {0.6, 0, 0.8}, v[3] = {0, 0.6, 0.8};
     CHECK(std::isfinite(bigsLobe(wild, w, v)));
+}
+
+TEST_CASE("a wide light makes highlights wider and fainter: their integral stays, in both models")
+{
+    SssSurface<double> surface{{0, 0, 0}, 0.3, 1, {0, 0, 1}};
+    const double alpha2 = std::pow(surface.roughness, 4), lobe[7] = {0, 0, 1, 1 / alpha2 - 1, 1, 1, 1};
+    double peak = 2;
+    for (const float radius : {0.0f, 0.05f, 0.2f, 0.6f}) {
+        CAPTURE(radius);
+        const double widening = highlightWidening(radius);
+        double sss = 0, bigs = 0;
+        const int count = 200000;
+        for (int i = 0; i < count; ++i) {
+            const glm::dvec3 h(fibonacciDirection(i, count)); // light and eye in one direction: that is the half vector
+            if (h.z <= 0) continue;
+            sss += 4 * 3.14159265358979 / count * sssReflect(surface, &h.x, &h.x, widening).d * h.z;
+            const double front = std::min(double(kBigsLobeFacing) * h.z, 1.0);
+            bigs += 4 * 3.14159265358979 / count * bigsLobe(lobe, &h.x, &h.x, widening) / front * h.z;
+        }
+        CHECK(sss == doctest::Approx(1).epsilon(0.002)); // GGX is normalised
+        CHECK(bigs == doctest::Approx(3.14159265358979 * alpha2).epsilon(0.002));
+        const double up[3] = {0, 0, 1}, now = bigsLobe(lobe, up, up, widening);
+        CHECK(now < peak);
+        peak = now;
+    }
+    const double up[3] = {0, 0, 1};
+    CHECK(std::isfinite(sssReflect(surface, up, up, 9.0).value[0])); // no wider than rough
+    CHECK(bigsLobe(lobe, up, up, 9.0) == doctest::Approx(alpha2));
 }

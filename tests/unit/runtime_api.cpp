@@ -601,6 +601,8 @@ TEST_CASE("numbers that are not finite and matrices that are not what they shoul
     badLight([](NacreLight& l) { l.intensity[2] = INFINITY; }, "intensity");
     badLight([](NacreLight& l) { l.intensity[2] = 2e15f; }, "1e15");
     badLight([](NacreLight& l) { l.radius = NAN; }, "radius");
+    for (const float radius : {NAN, -0.1f, 1.7f})
+        badLight([&](NacreLight& l) { l.type = NACRE_LIGHT_DIRECTIONAL, l.vector[0] = 1, l.vector[1] = l.vector[2] = 0, l.radius = radius; }, "radians");
     badLight([](NacreLight& l) { l.type = NACRE_LIGHT_DIRECTIONAL; }, "length 1");
     const std::vector<NacreLight> many(NACRE_MAX_LIGHTS + 1, toNacre(kLamp[0]));
     CHECK(nacreAssetSetLights(host.asset, many.data(), many.size()) == NACRE_ERROR_INVALID_ARGUMENT);
@@ -618,6 +620,7 @@ TEST_CASE("asset info reports count, bounds, orientation and GPU bytes")
     info.structSize = sizeof info;
     REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
     CHECK(info.splatCount == 70);
+    CHECK(std::string(info.model) == "bigs");
     CHECK(info.gpuBytes >= 70 * (4 * 16 + 25 * 8 + 10 * 8));
     CHECK(info.yUpFromAsset[3] == doctest::Approx(source.yUpFromAsset.w));
     CHECK(info.yUpFromAsset[1] == doctest::Approx(source.yUpFromAsset.y));

@@ -52,11 +52,19 @@ inline Light pointLight(glm::vec3 position, glm::vec3 intensity, float radius = 
     return light;
 }
 
-inline Light directionalLight(glm::vec3 towards, glm::vec3 irradiance)
+/// Nothing symmetric: a flip or a swap shows.
+inline Camera offCentre()
+{
+    Camera c = lookAt({0.9, 0.7, 1.6}, {0, 0, 0}, 72, 56, 80);
+    c.cx += 5.3, c.cy -= 3.7, c.fy = 90;
+    return c;
+}
+
+inline Light directionalLight(glm::vec3 towards, glm::vec3 irradiance, float angularRadius = 0)
 {
     Light light;
     light.type = LightType::kDirectional;
-    light.directionToLight = glm::normalize(towards), light.intensity = irradiance;
+    light.directionToLight = glm::normalize(towards), light.intensity = irradiance, light.radius = angularRadius;
     return light;
 }
 
@@ -184,7 +192,8 @@ inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 e
         const LightSample<double> w = sampleLight(light, p);
         shBasis(25, w.dir[0], w.dir[1], w.dir[2], y);
         const BigsTerms<double> terms = bigsTerms(k, a, y);
-        for (int c = 0; c < 3; ++c) color[c] += double(light.intensity[c]) * w.falloff * bigsTransport(terms, bigsSharpTerms(k, &out.x, w.dir), c);
+        const BigsSharpTerms<double> sharp = bigsSharpTerms(k, &out.x, w.dir, double(highlightWidening(light)));
+        for (int c = 0; c < 3; ++c) color[c] += double(light.intensity[c]) * w.falloff * bigsTransport(terms, sharp, c);
     }
     return color;
 }

@@ -20,7 +20,7 @@ template <class F> SplatAsset sparse(F scatters)
 }
 
 const std::vector<Light> kLights = {pointLight({0.8f, 1.1f, 0.4f}, {2.0f, 1.0f, 0.5f}), directionalLight({-0.3f, 0.4f, 0.9f}, {0.3f, 0.6f, 0.9f})};
-const Camera kCamera = lookAt({0.9, 0.7, 1.6}, {0, 0, 0}, 72, 56, 80);
+const Camera kCamera = offCentre();
 
 } // namespace
 

@@ -4,15 +4,8 @@
 using namespace nacre;
 using namespace nacre::test;
 
-static Camera offCentre()
-{
-    Camera c = lookAt({0.9, 0.7, 1.6}, {0, 0, 0}, 72, 56, 80);
-    c.cx += 5.3, c.cy -= 3.7, c.fy = 90; // nothing symmetric: a flip or a swap shows
-    return c;
-}
-
 static const std::vector<Light> kMixedLights = {pointLight({0.8f, 1.1f, 0.4f}, {2.0f, 1.0f, 0.5f}),
-                                                directionalLight({-0.3f, 0.4f, 0.9f}, {0.3f, 0.6f, 0.9f}),
+                                                directionalLight({-0.3f, 0.4f, 0.9f}, {0.3f, 0.6f, 0.9f}, 0.3f),
                                                 pointLight({-1.2f, 0.2f, 0.7f}, {0.5f, 1.5f, 1.0f}, 1.6f)}; // splats inside its radius
 
 TEST_CASE("one splat has the colour and shape of the scalar reference for every size of s")

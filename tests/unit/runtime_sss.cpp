@@ -9,20 +9,13 @@
 using namespace nacre;
 using namespace nacre::test;
 
-static Camera offCentre()
-{
-    Camera c = lookAt({0.9, 0.7, 1.6}, {0, 0, 0}, 72, 56, 80);
-    c.cx += 5.3, c.cy -= 3.7, c.fy = 90; // nothing symmetric: a flip or a swap shows
-    return c;
-}
-
 static std::vector<Light> lightsAround(int count)
 {
     std::vector<Light> lights;
     for (int i = 0; i < count; ++i) {
         const double z = 1 - 2 * (i + 0.5) / count, r = std::sqrt(1 - z * z);
         const glm::vec3 at(1.5 * r * std::cos(2.4 * i), 1.5 * r * std::sin(2.4 * i), 1.5 * z), color(0.2f + 0.1f * float(i % 3), 0.3f, 0.5f - 0.1f * float(i % 4));
-        lights.push_back(i % 3 == 1 ? directionalLight(at, color) : pointLight(at, 3.0f * color));
+        lights.push_back(i % 3 == 1 ? directionalLight(at, color, i % 2 ? 0.2f : 0.0f) : pointLight(at, 3.0f * color));
     }
     return lights;
 }
@@ -173,6 +166,16 @@ TEST_CASE("sss: edits that make no sense are refused by name, and bigs has no ma
     host.load(oneSplat(0));
     CHECK(nacreAssetSetEdits(host.asset, &good, 1) == NACRE_ERROR_UNSUPPORTED);
     CHECK(nacreAssetSetEdits(host.asset, nullptr, 0) == NACRE_OK);
+}
+
+TEST_CASE("sss: the asset names its model")
+{
+    if (!haveGl()) return;
+    Host host(randomSss(5, kAllSss, 7));
+    NacreAssetInfo info{};
+    info.structSize = sizeof info;
+    REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
+    CHECK(std::string(info.model) == "sss");
 }
 
 TEST_CASE("sss: extreme materials and lights stay finite, and like the reference")

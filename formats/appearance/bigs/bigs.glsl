@@ -40,12 +40,13 @@ void shBasis(const int count, vec3 d, out float y[25])
     }
 }
 
-// bigsLobe: GGX of the half vector, 1 at its peak, times min(4 n.wi, 1).
-float bigsLobe(vec4 normalSharpness, vec3 wo, vec3 wi)
+// bigsLobe: GGX of the half vector, 1 at its peak unless widened, times min(4 n.wi, 1).
+float bigsLobe(vec4 normalSharpness, vec3 wo, vec3 wi, float widening)
 {
     vec3 h = wo + wi;
     float h2 = dot(h, h), nh = max(dot(normalSharpness.xyz, h), 0.0);
-    float u = 1.0 / (1.0 + max(normalSharpness.w, 0.0) * max(1.0 - nh * nh / max(h2, 1e-12), 0.0));
+    float a2 = 1.0 / (1.0 + max(normalSharpness.w, 0.0)), wide = min(a2 + widening, 1.0);
+    float u = 1.0 / (1.0 + (1.0 / wide - 1.0) * max(1.0 - nh * nh / max(h2, 1e-12), 0.0));
     float front = clamp(LOBE_FACING * dot(normalSharpness.xyz, wi), 0.0, 1.0);
-    return h2 > 1e-12 ? front * u * u : 0.0;
+    return h2 > 1e-12 ? a2 / wide * front * u * u : 0.0;
 }

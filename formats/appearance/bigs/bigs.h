@@ -84,17 +84,19 @@ NACRE_HD inline BigsTerms<T> bigsTerms(const BigsCoefficients<T>& g, const T* a,
 
 /// GGX about the normal, of the half vector between the unit directions wo and wi, scaled to 1 at its peak:
 /// 1 / (1 + sharpness (1 - (n.h)^2))^2, times min(4 n.wi, 1): no highlight from behind. 0 where there is no half vector.
+/// `widening`: highlightWidening of the light; a wider lobe is fainter by as much.
 template <class T>
-NACRE_HD inline T bigsLobe(const T* normalAndSharpness, const T* wo, const T* wi)
+NACRE_HD inline T bigsLobe(const T* normalAndSharpness, const T* wo, const T* wi, T widening = T(0))
 {
     const T* n = normalAndSharpness;
     T h[3], length2 = T(0), nh = T(0), facing = T(0);
     for (int k = 0; k < 3; ++k) h[k] = wo[k] + wi[k], length2 += h[k] * h[k], nh += n[k] * h[k], facing += n[k] * wi[k];
     if (!(length2 > T(1e-12)) || !(facing > T(0))) return T(0);
     const T cosine2 = nh > T(0) ? nh * nh / length2 : T(0);
-    const T u = T(1) / (T(1) + (n[3] > T(0) ? n[3] : T(0)) * (cosine2 < T(1) ? T(1) - cosine2 : T(0)));
+    const T a2 = T(1) / (T(1) + (n[3] > T(0) ? n[3] : T(0))), wide = a2 + widening < T(1) ? a2 + widening : T(1);
+    const T u = T(1) / (T(1) + (T(1) / wide - T(1)) * (cosine2 < T(1) ? T(1) - cosine2 : T(0)));
     const T front = T(kBigsLobeFacing) * facing;
-    return u * u * (front < T(1) ? front : T(1));
+    return a2 / wide * u * u * (front < T(1) ? front : T(1));
 }
 
 /// What depends on the directions beyond their SH: v and k * lobe.
@@ -105,12 +107,12 @@ struct BigsSharpTerms {
 };
 
 template <class T>
-NACRE_HD inline BigsSharpTerms<T> bigsSharpTerms(const BigsCoefficients<T>& g, const T* wo, const T* wi)
+NACRE_HD inline BigsSharpTerms<T> bigsSharpTerms(const BigsCoefficients<T>& g, const T* wo, const T* wi, T widening = T(0))
 {
     BigsSharpTerms<T> t;
     if (g.visibility.texels) t.visible = T(1) - g.shadow * (T(1) - mapVisibility(g.visibility, wi));
     if (g.lobe) {
-        const T shape = bigsLobe(g.lobe, wo, wi);
+        const T shape = bigsLobe(g.lobe, wo, wi, widening);
         for (int c = 0; c < 3; ++c) t.lobe[c] = g.lobe[4 + c] * shape;
     }
     return t;

@@ -7,7 +7,7 @@ struct SssSurface {
 };
 
 // sssReflect: f(w_i, w_o) * max(n.w_i, 0).
-vec3 sssReflect(SssSurface s, vec3 wo, vec3 wi)
+vec3 sssReflect(SssSurface s, vec3 wo, vec3 wi, float widening)
 {
     float nl = max(dot(s.normal, wi), 0.0), nv = max(dot(s.normal, wo), 0.0);
     vec3 h = wi + wo;
@@ -16,7 +16,7 @@ vec3 sssReflect(SssSurface s, vec3 wo, vec3 wi)
     h = halved ? h * inversesqrt(length2) : vec3(0.0);
     float nh = clamp(dot(s.normal, h), 0.0, 1.0), vh = clamp(dot(wo, h), 0.0, 1.0);
     float r = clamp(s.roughness, MIN_ROUGHNESS, 1.0);
-    float a2 = r * r * r * r, k = (r + 1.0) * (r + 1.0) / 8.0;
+    float a2 = min(r * r * r * r + widening, 1.0), k = (r + 1.0) * (r + 1.0) / 8.0;
     float q = (1.0 - nh * nh) + nh * nh * a2;
     float d = halved ? a2 / (3.14159265358979 * q * q) : 0.0;
     float masking = 1.0 / (4.0 * (nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));

@@ -40,9 +40,9 @@ struct SssReflection {
 };
 
 /// Reflected radiance per unit irradiance across the light's direction: f(w_i, w_o) * max(n.w_i, 0), per channel. Unit directions, away
-/// from the surface.
+/// from the surface. `widening`: highlightWidening of the light.
 template <class T>
-NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo, const T* wi)
+NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo, const T* wi, T widening = T(0))
 {
     const T zero = T(0), one = T(1);
     const auto atLeast0 = [&](T x) { return x > zero ? x : zero; };
@@ -59,7 +59,9 @@ NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo,
     }
     o.nl = atLeast0(nl), o.nv = atLeast0(nv), o.nh = nh > one ? one : atLeast0(nh), o.vh = vh > one ? one : atLeast0(vh);
     o.r = s.roughness > T(kSssMinRoughness) ? (s.roughness < one ? s.roughness : one) : T(kSssMinRoughness);
-    o.a2 = o.r * o.r * o.r * o.r, o.k = (o.r + one) * (o.r + one) / T(8);
+    o.a2 = o.r * o.r * o.r * o.r + widening;
+    o.a2 = o.a2 < one ? o.a2 : one;
+    o.k = (o.r + one) * (o.r + one) / T(8);
     o.q = (one - o.nh * o.nh) + o.nh * o.nh * o.a2;
     o.d = o.halfLength > zero ? o.a2 / (T(3.14159265358979) * o.q * o.q) : zero;
     o.gl = o.nl * (one - o.k) + o.k, o.gv = o.nv * (one - o.k) + o.k;
