@@ -82,6 +82,7 @@ public:
 struct AppearanceOptions {
     int scatterFunctions = 0;          // bigs: SH functions of s
     std::vector<std::string> without{}; // for comparisons: optional parts, "sharing" between neighbours, "schedule": plain Adam with one constant rate
+    float brightness = 1;               // estimate of the mean albedo, to start a dark object dark
 };
 
 /// nullptr if there is no such model.

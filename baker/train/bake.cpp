@@ -3,6 +3,7 @@
 
 #include "appearance/model_table.h"
 #include "base/file.h"
+#include "base/color.h"
 #include "base/hash.h"
 #include "pack/leading_rows.h"
 #include "splat/random.h"
@@ -131,6 +132,7 @@ private:
     Status train();
     double progress() const;
     Result<std::vector<std::vector<uint8_t>>> loadMasks(std::vector<Camera>& cameras, Silhouettes* silhouettes);
+    Result<double> brightness(const glm::dvec3& centre);
     Result<LossStats> trainStep(const Trainer::Moment& moment, bool onTrial = false, double* splatErrors = nullptr);
     double rate(double progress) const;
     double expectedSteps(double progress) const;
@@ -222,6 +224,31 @@ Result<std::vector<std::vector<uint8_t>>> Bake::loadMasks(std::vector<Camera>& c
     return masks;
 }
 
+// What the object sends back of the light that falls on it: mean radiance against that of a white Lambertian surface at its centre whose
+// cosine and visibility are kMeanFacing in the mean.
+Result<double> Bake::brightness(const glm::dvec3& centre)
+{
+    constexpr size_t kImages = 50;
+    constexpr double kMeanFacing = 0.35;
+    double found = 0, white = 0;
+    const size_t stride = (train_->images.size() + kImages - 1) / kImages;
+    for (size_t i = 0; i < train_->images.size(); i += stride) {
+        const Light& light = train_->images[i].light;
+        if (!light.isPunctual()) continue;
+        auto image = images_->get(uint32_t(i));
+        if (!image) return image.error();
+        const glm::vec3 at(centre);
+        const double irradiance = double(sampleLight(light, &at.x).falloff) * (light.intensity.r + light.intensity.g + light.intensity.b);
+        const size_t pixels = size_t((*image)->width) * (*image)->height;
+        for (size_t p = 0; p < pixels; ++p) {
+            if ((*image)->planes[3 * pixels + p] < 32768) continue;
+            for (size_t c = 0; c < 3; ++c) found += linearFromSrgb(float((*image)->planes[c * pixels + p]) / 65535.0f);
+            white += kMeanFacing * irradiance / 3.14159265358979;
+        }
+    }
+    return white > 0 ? found / white : 1.0;
+}
+
 Status Bake::prepare()
 {
     const Quality* quality = findQuality(options_.quality);
@@ -252,11 +279,8 @@ Status Bake::prepare()
     trainerOptions.maxSplats = size_t(options_.maxSplats);
     trainerOptions.seed = options_.seed;
     trainerOptions.loss.dssim = float(options_.dssim);
-    AppearanceOptions appearanceOptions;
-    appearanceOptions.scatterFunctions = options_.sFunctions;
-    appearanceOptions.without = options_.without;
-    auto appearance = makeTrainableAppearance(options_.model, appearanceOptions);
-    if (!appearance) return Error{ErrorCode::kBadInput, "--model '" + options_.model + "': this build cannot bake it"};
+    if (!makeTrainableAppearance(options_.model, {}))
+        return Error{ErrorCode::kBadInput, "--model '" + options_.model + "': this build cannot bake it"};
 
     images_ = std::make_unique<TrainingImages>(dataset_, *train_, options_.imageBudgetBytes);
     order_ = std::make_unique<StepOrder>(std::move(groups), options_.seed);
@@ -289,7 +313,10 @@ Status Bake::prepare()
     const bool onSurface = !hull.surface.empty();
     const double spacing =
         onSurface ? std::sqrt(hull.surfaceArea / double(initial)) : 2.0 * hull.halfSize / std::cbrt(double(initial));
-    trainer_ = std::make_unique<Trainer>(trainerOptions, std::move(appearance));
+    auto bright = brightness({hull.center[0], hull.center[1], hull.center[2]});
+    if (!bright) return bright.error();
+    const AppearanceOptions appearanceOptions{options_.sFunctions, options_.without, float(*bright)};
+    trainer_ = std::make_unique<Trainer>(trainerOptions, makeTrainableAppearance(options_.model, appearanceOptions));
     trainer_->initialize(sampleHull(hull, initial, options_.seed), float(spacing), onSurface);
     return ok();
 }

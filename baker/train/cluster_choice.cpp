@@ -7,7 +7,7 @@
 namespace nacre {
 
 constexpr size_t kClusters = 32;
-constexpr double kLeastShare = 0.1; // below, a shader branch and a texture for so few splats are not worth it
+constexpr double kLeastShare = 0.2; // below, a shader branch and a texture for so few splats are not worth it
 
 double decibelBetween(double worse, double better) { return 10 * std::log10(std::max(worse, 1e-12) / std::max(better, 1e-12)); }
 

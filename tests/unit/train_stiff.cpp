@@ -3,6 +3,7 @@
 
 #include "appearance/model_table.h"
 #include "base/fibonacci_sphere.h"
+#include "eval/splat_renderer.h"
 #include "pack/neutral_look.h"
 #include "train/bake.h"
 #include "train/trainer.h"
@@ -135,6 +136,36 @@ TEST_CASE("black images: nothing to learn")
         for (size_t i = 0; i < image.rgba.size(); ++i) image.rgba[i] *= i % 4 == 3 ? 1.0f : 1e-6f;
     };
     checkWarns(data, {"24 of 32", "black", "exposure"});
+}
+
+TEST_CASE("every model: a dark object stays opaque, although fading would darken it too")
+{
+    SphereData data;
+    data.edit = [](Image& image) {
+        for (size_t i = 0; i < image.rgba.size(); ++i) image.rgba[i] *= i % 4 == 3 ? 1.0f : 0.04f;
+    };
+    data.write();
+    for (const AppearanceModel& model : appearanceModels()) {
+        CAPTURE(model.name);
+        BakeOptions options;
+        options.model = model.name, options.iterations = 300, options.maxSplats = 200, options.sFunctions = 0;
+        auto result = bake(data.dataset, options, {}, nullptr);
+        REQUIRE_MESSAGE(result, result.error().message);
+        checkUsable(*result, data.dataset);
+        const auto renderer = makeReferenceRenderer(result->asset);
+        REQUIRE(renderer);
+        double covered = 0, object = 0;
+        for (const OlatImage& image : data.dataset.splits[0].images) {
+            const auto reference = readExr(image.path);
+            const auto render = (*renderer)->render(data.dataset.splits[0].cameras[image.camera], std::span(&image.light, 1));
+            REQUIRE(reference);
+            REQUIRE(render);
+            for (size_t i = 3; i < reference->rgba.size(); i += 4)
+                if (reference->rgba[i] > 0.99f) covered += render->rgba[i], object += 1;
+        }
+        INFO("mean alpha " << covered / object);
+        CHECK(covered > 0.8 * object); // from the usual start: 0.31 (bigs), 0.73 (sss)
+    }
 }
 
 TEST_CASE("alpha zero everywhere: no silhouettes, with and without colours")

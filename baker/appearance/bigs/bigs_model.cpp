@@ -46,7 +46,9 @@ constexpr double kScatterJudgedAt = 0.2, kScatterWorth = 0.5, kSharpJudgedAt = 0
 constexpr double kShareFrom = 0.1;
 constexpr int kShareEvery = 16;
 constexpr float kSharePull = 0.032f;
-constexpr float kInitialSharpness = 15, kInitialLobeColor = 0.05f;
+constexpr float kInitialSharpness = 15, kInitialRho = 0.3f, kInitialLobeColor = 0.05f;
+// A darker object starts darker: else its splats fade before their colour has become dark, and do not come back.
+constexpr float kUsualBrightness = 0.4f, kLeastStart = 0.02f;
 constexpr float kMinLogSharpness = 0.7f, kMaxLogSharpness = 7.0f; // GGX roughness (square root of alpha) 0.76 down to 0.17
 constexpr float kPositiveWeight = 0.01f, kEnergyWeight = 0.01f;
 
@@ -59,6 +61,7 @@ public:
         const auto with = [&](const char* part) { return std::find(options.without.begin(), options.without.end(), part) == options.without.end(); };
         lobeOn_ = with("lobe"), visibilityOn_ = with("visibility");
         sharing_ = with("sharing"), scheduled_ = with("schedule");
+        start_ = std::clamp(options.brightness / kUsualBrightness, kLeastStart, 1.0f);
         shared_ = SharedAdam(sharing_ && scheduled_);
         parameters_.sFunctions = bands_.scatter = scatterFunctions_ = with("s") ? options.scatterFunctions : 0; // all in use until beginStep says otherwise
     }
@@ -71,7 +74,7 @@ public:
         parameters_.resize(count);
         for (size_t i = old; i < count; ++i) {
             at(i, kTDir) = 0.5f / 0.28209479f; // T_dir = 0.5 in every direction
-            for (int c = 0; c < 3; ++c) at(i, kRho + c) = 0.3f, at(i, kLobeColor + c) = kInitialLobeColor;
+            for (int c = 0; c < 3; ++c) at(i, kRho + c) = start_ * kInitialRho, at(i, kLobeColor + c) = start_ * kInitialLobeColor;
             at(i, kLobe + 2) = 1.0f;
             at(i, kLobeSharpness) = std::log(kInitialSharpness);
             at(i, kShadow) = 1.0f;
@@ -242,6 +245,7 @@ private:
 
     BigsParameters parameters_;
     int scatterFunctions_ = 0;          // of s, unless it has been left out
+    float start_ = 1;                   // brightness of a new splat, of the usual
     SharedAdam shared_;
     SharedAdam::Rates sharedRates_;
     BigsLobeGradients lobeGradients_;

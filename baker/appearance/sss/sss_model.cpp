@@ -27,6 +27,9 @@ constexpr int kBase = 0, kRough = 3, kMetal = 4, kScatter = 5, kNormal = 6, kRow
 using Row = std::array<float, kRowFloats>;
 constexpr float kRate[kRowFloats] = {2e-2f, 2e-2f, 2e-2f, 2e-2f, 1e-2f, 2e-2f, 1e-2f, 1e-2f, 1e-2f};
 constexpr float kNetworkRate = 3e-3f;
+// The base colour of new splats is that of the object in the mean, within these bounds. From 0.5 the splats of a black object fade
+// before their colour has become dark, and do not come back: a third of its pixels stayed opaque.
+constexpr float kDarkestStart = 0.02f, kBrightestStart = 0.5f;
 constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f;
 // Visibility and normals are taken from the geometry as in bigs.
 constexpr double kRenewAt[] = {0.02, 0.06, 0.16, 0.3, 0.5, 0.8};
@@ -59,6 +62,8 @@ public:
     explicit SssModel(const AppearanceOptions& options)
     {
         for (const std::string& part : options.without) leaveOut(part, {});
+        const float base = std::clamp(options.brightness, kDarkestStart, kBrightestStart);
+        for (int k = 0; k < 3; ++k) start_[size_t(kBase + k)] = std::log(base / (1 - base));
         Random random(7);
         const auto layer = [&](int at, int outputs, int inputs, float gain) {
             const float bound = gain * std::sqrt(6.0f / float(inputs));
@@ -78,7 +83,7 @@ public:
 
     void resize(size_t count) override
     {
-        row_.resize(count, Row{0, 0, 0, 0, -2, -1, 0, 0, 1});
+        row_.resize(count, start_);
         momentum_.resize(count), second_.resize(count);
         if (!visibility_.empty()) visibility_.resize(count * kVisibilityTexels, 255);
     }
@@ -426,6 +431,7 @@ private:
     std::vector<uint8_t> visibility_;
     AlignedVector<Batch> batches_;
     float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
+    Row start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
     bool residualOn_ = true, shareOn_ = true, visibilityOn_ = true;
     SssWeights weights_;
     std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;
