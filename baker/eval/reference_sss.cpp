@@ -58,7 +58,7 @@ public:
     {
         std::copy_n(g + kScattered, 3, rgb);
         const SssPixel<float> pixel = sssPixel(g, alpha, eye, ray);
-        for (size_t t = 0; pixel.shaded && t < lights.size(); ++t) {
+        for (size_t t = 0; pixel.inverseLength > 0 && t < lights.size(); ++t) {
             const LightSample<float> l = sampleLight(lights[t], pixel.point);
             const SssReflection<float> o = sssReflect(pixel.surface, pixel.wo, l.dir, highlightWidening(lights[t]));
             const float own[kSssLightChannels] = {g[size_t(kShares) + t], 0, 0, 0};

@@ -271,7 +271,7 @@ Status Bake::prepare()
                                                       " pixels; at most 8192 per side, scale them down"};
     }
     iterations_ = bakeIterations(options_);
-    if (options_.maxSplats <= 0) options_.maxSplats = quality->maxSplats;
+    options_.maxSplats = bakeSplats(options_);
     if (options_.sFunctions < 0) options_.sFunctions = quality->sFunctions;
     if (options_.dssim < 0) options_.dssim = 0;
 
@@ -593,6 +593,12 @@ int bakeIterations(const BakeOptions& options)
 {
     const Quality* quality = findQuality(options.quality);
     return options.iterations > 0 ? options.iterations : quality ? quality->iterations : 0;
+}
+
+int bakeSplats(const BakeOptions& options)
+{
+    const Quality* quality = findQuality(options.quality);
+    return options.maxSplats > 0 ? options.maxSplats : quality ? quality->maxSplats : 0;
 }
 
 Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,

@@ -64,6 +64,9 @@ struct BakeResult {
 /// How many steps a bake makes unless its minutes end first. 0: no such quality.
 int bakeIterations(const BakeOptions& options);
 
+/// How many splats it may end with. 0: no such quality.
+int bakeSplats(const BakeOptions& options);
+
 /// `progress` is called at least every second from the calling thread. Setting `*cancel` writes a checkpoint and returns kCancelled.
 Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,
                         const std::function<void(const BakeProgress&)>& progress, const std::atomic<bool>* cancel);

@@ -60,7 +60,29 @@ Status convert(Image& image, ColorSpace colorSpace, bool premultiplied, const st
     return ok();
 }
 
+Image shrunk(const Image& image, int by)
+{
+    Image out{image.width / by, image.height / by, {}};
+    out.rgba.resize(size_t(4) * out.width * out.height);
+    const float weight = 1.0f / float(by * by);
+    for (int y = 0; y < out.height * by; ++y)
+        for (int x = 0; x < out.width * by; ++x)
+            for (int c = 0; c < 4; ++c) out.pixel(x / by, y / by)[c] += weight * image.pixel(x, y)[c];
+    return out;
+}
+
 } // namespace
+
+OlatDataset halved(OlatDataset dataset)
+{
+    dataset.shrink *= 2;
+    for (OlatSplit& split : dataset.splits)
+        for (Camera& camera : split.cameras) {
+            camera.width /= 2, camera.height /= 2;
+            for (double* length : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *length /= 2;
+        }
+    return dataset;
+}
 
 struct ImageCache::State {
     struct Entry {
@@ -69,6 +91,7 @@ struct ImageCache::State {
     };
     ColorSpace colorSpace;
     bool premultiplied;
+    int shrink;
     size_t budgetBytes;
 
     mutable std::mutex mutex; // guards everything below
@@ -105,6 +128,7 @@ ImageCache::ImageCache(const OlatDataset& dataset, size_t budgetBytes) : state_(
 {
     state_->colorSpace = dataset.colorSpace;
     state_->premultiplied = dataset.premultiplied;
+    state_->shrink = dataset.shrink;
     state_->budgetBytes = budgetBytes;
 }
 
@@ -130,16 +154,19 @@ Result<std::shared_ptr<const Image>> ImageCache::load(const OlatSplit& split, si
         Result<Image> decoded = isPng(entry.path) ? readPng(entry.path) : readExr(entry.path);
         if (!decoded) return decoded.error();
         if (Status s = convert(*decoded, state_->colorSpace, state_->premultiplied, entry.path); !s) return s.error();
+        if (state_->shrink > 1) *decoded = shrunk(*decoded, state_->shrink);
         decoded->rgba.shrink_to_fit(); // the decoder grows it row by row
         image = std::make_shared<const Image>(std::move(*decoded));
         const std::lock_guard lock(state_->mutex);
         if (std::shared_ptr<const Image> other = state_->find(entry.path)) image = other;
         else state_->keep(entry.path, image);
     }
+    const auto size = [&](int width, int height) { // in the file, whose odd last row or column may not be seen
+        return std::to_string(width * state_->shrink) + " x " + std::to_string(height * state_->shrink);
+    };
     if (image->width != camera.width || image->height != camera.height)
-        return Error{ErrorCode::kBadInput, entry.path + ": image is " + std::to_string(image->width) + " x " + std::to_string(image->height) +
-                                               " pixels, expected " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
-                                               " like its camera"};
+        return Error{ErrorCode::kBadInput, entry.path + ": image is " + size(image->width, image->height) + " pixels, expected " +
+                                               size(camera.width, camera.height) + " like its camera"};
     return image;
 }
 

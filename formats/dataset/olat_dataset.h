@@ -34,6 +34,7 @@ struct OlatDataset {
     ColorSpace colorSpace = ColorSpace::kLinear; // of the files; loaded images are always linear
     bool premultiplied = true;      // of the files; loaded images always are
     glm::vec3 up{0, 0, 1};          // which world axis is up
+    int shrink = 1;                 // loaded images are means over so many pixels of the file in each direction; cameras are of these
     std::vector<OlatSplit> splits;
     std::vector<std::string> warnings; // one line each; never printed by the library
 
@@ -48,6 +49,9 @@ struct OlatDataset {
 /// Recognises the convention and reads the description files; images stay on disk.
 /// Errors kBadInput: nothing recognised, broken JSON, missing key, non-finite or non-rigid pose, missing image file, empty split.
 Result<OlatDataset> loadDataset(const std::string& path);
+
+/// The same with images of half the width and height: a quarter of the work to look at. An odd last row or column is not seen.
+OlatDataset halved(OlatDataset dataset);
 
 /// Loads images on demand and keeps the most recent within `budgetBytes`. Safe to call from several threads.
 class ImageCache {

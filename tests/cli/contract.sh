@@ -169,6 +169,7 @@ only set all_on env_studio.exr env_sunset.exr environment near synth.json train 
 expect 0 "" "$nacre" info set --json info.json
 keys info.json 4 train all_on environment near
 grep -q '"warnings": \[\]' info.json || fail "a synthesised dataset looks suspicious: $(cat info.json)"
+expect 2 "name a model" "$nacre" bake set -o few.glb --model auto --iterations 20
 for shard in 2/2 1/2; do expect 0 "" "${tiny[@]}" -o shards --shard $shard --threads 2; done
 diff -r set shards || fail "two shards on two threads differ from one run on one thread"
 expect 2 "--spp" "${tiny[@]}" -o set --spp 32
@@ -305,6 +306,15 @@ for bad in color=1 roughness roughness=2 roughness=x-1 roughness=1,1,1 basecolor
     expect 2 "$bad" "$nacre" render sss.glb -o c.png --edit $bad
 done
 expect 2 "bigs" "$nacre" render $asset -o c.png --edit roughness=0.5
+
+echo "-- bake: --model auto"
+expect 0 "" "${bake[@]}" -o auto.glb --model auto --iterations 20
+for model in bigs sss; do grep -q "^trial of $model: [0-9.]* dB" stdout.txt || fail "no trial of $model: $(cat stdout.txt)"; done
+chosen=$(sed -n 's/^going on with --model //p' stdout.txt)
+best=$(sed -n 's/^trial of \(.*\): \(.*\) dB.*/\2 \1/p' stdout.txt | sort -rn | head -n 1 | cut -d' ' -f2)
+[ -n "$best" ] && [ "$chosen" = "$best" ] || fail "went on with '$chosen', best was '$best': $(cat stdout.txt)"
+"$nacre" info auto.glb | grep -q "$chosen" || fail "auto.glb is not of model $chosen"
+expect 2 "--resume" "${bake[@]}" -o auto.glb --model auto --resume
 
 [ $failures = 0 ] || { echo "$failures checks FAILED"; exit 1; }
 echo "all checks passed"

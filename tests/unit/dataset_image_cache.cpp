@@ -106,3 +106,31 @@ TEST_CASE("an image that does not fit its camera, has NaN or impossible alpha is
     std::filesystem::remove(path);
     CHECK(!ImageCache(dataset, 1 << 20).load(dataset.splits[0], 0));
 }
+
+TEST_CASE("a halved dataset: means of four pixels, the same rays, an odd last row and column unseen")
+{
+    TempFolder folder;
+    OlatDataset dataset;
+    Camera camera = lookAtOrigin({2, 0, 1}, 7);
+    camera.height = 5, camera.cx = 3.2, camera.cy = 2.6, camera.fy *= 1.1;
+    Image image{7, 5, std::vector<float>(7 * 5 * 4, 1.0f)};
+    for (int y = 0; y < 5; ++y)
+        for (int x = 0; x < 7; ++x) image.pixel(x, y)[0] = float(x + 10 * y), image.pixel(x, y)[3] = x < 2 ? 0.5f : 1.0f;
+    REQUIRE(writeExr(image, folder.file("0.exr")));
+    dataset.splits.push_back({"train", {camera}, {{0, Light(), folder.file("0.exr")}}});
+
+    const OlatDataset small = halved(dataset);
+    const Camera& half = small.splits[0].cameras[0];
+    CHECK(half.width == 3);
+    CHECK(half.height == 2);
+    CHECK(glm::distance(pixelRay(half, 1.5, 0.5), pixelRay(camera, 3.0, 1.0)) < 1e-12);
+    const Result<std::shared_ptr<const Image>> loaded = ImageCache(small, 1 << 20).load(small.splits[0], 0);
+    REQUIRE(loaded);
+    REQUIRE((*loaded)->rgba.size() == 3 * 2 * 4);
+    for (int y = 0; y < 2; ++y)
+        for (int x = 0; x < 3; ++x) {
+            CHECK((*loaded)->pixel(x, y)[0] == doctest::Approx(2 * x + 0.5 + 10 * (2 * y + 0.5)));
+            CHECK((*loaded)->pixel(x, y)[3] == (x == 0 ? 0.5f : 1.0f));
+        }
+    CHECK(!ImageCache(dataset, 1 << 20).load(small.splits[0], 0)); // these cameras are not of the whole images
+}

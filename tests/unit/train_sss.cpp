@@ -2,6 +2,7 @@
 #include "appearance/sss/sss_backward.h"
 #include "appearance/sss/sss_network_backward.h"
 #include "appearance/sss/sss_network_simd.h"
+#include "appearance/sss/sss_resolve.h"
 #include "base/fibonacci_sphere.h"
 #include "splat/random.h"
 
@@ -221,7 +222,7 @@ TEST_CASE("sss: the gradient of a pixel with respect to all its channels is that
     for (int trial = 0; trial < 100; ++trial) {
         PixelCase x = randomPixel(random);
         const SssPixel<double> pixel = sssPixel(x.g, x.alpha, x.eye, x.ray);
-        REQUIRE(pixel.shaded);
+        REQUIRE(pixel.inverseLength > 0);
         SssPixelGradient<double> d;
         double dLight[2][kSssLightChannels], dG[kSssSurfaceChannels], dAlpha;
         for (int l = 0; l < 2; ++l) {
@@ -254,7 +255,7 @@ TEST_CASE("sss: a pixel of no alpha, or whose normals cancel, shows scattered li
         const float eye[3] = {0, 0, 3}, ray[3] = {0, 0, -1}, light[kSssLightChannels] = {1, 0.1f, 0.2f, 0.3f},
                     intensity[3] = {1, 1, 1};
         const SssPixel<float> pixel = sssPixel(g, alpha, eye, ray);
-        CHECK(!pixel.shaded);
+        CHECK(pixel.inverseLength == 0);
         CHECK(sssRadiance(pixel, light, 1.0f, 1e30f, 1) == 0.2f);
         const SssLightAt<float> at = sssPointLightAt(eye, 0.01f, pixel.point);
         SssPixelGradient<float> d;
@@ -265,6 +266,90 @@ TEST_CASE("sss: a pixel of no alpha, or whose normals cancel, shows scattered li
         for (float x : dG) CHECK(x == 0.0f);
         CHECK(dAlpha == 0.0f);
         CHECK(dLight[kSssScattered] == 1.0f);
+    }
+}
+
+namespace {
+
+// What both directions of the resolve pass give one pixel, by the scalar code in float64.
+struct ScalarPixel {
+    double image[6], dPlanes[kSssSurfaceChannels + 2 * kSssLightChannels + 1];
+};
+
+ScalarPixel resolveScalar(const PixelRays& rays, const LitView& lit, int x, int y, const double* channels, const double* dImage)
+{
+    constexpr int kChannels = kSssSurfaceChannels + 2 * kSssLightChannels;
+    ScalarPixel out{};
+    double eye[3], ray[3], length2 = 0;
+    for (int k = 0; k < 3; ++k) {
+        eye[k] = rays.eye[k], ray[k] = rays.origin[k] + (x + 0.5) * rays.right[k] + (y + 0.5) * rays.down[k];
+        length2 += ray[k] * ray[k];
+    }
+    for (double& r : ray) r /= std::sqrt(length2);
+    const SssPixel<double> pixel = sssPixel(channels, channels[kChannels], eye, ray);
+    SssPixelGradient<double> gradient;
+    for (int l = 0; l < 2; ++l) {
+        const Light& light = lit.lights[l];
+        const double radius = std::max(light.radius, kMinLightRadius);
+        double position[3], intensity[3];
+        SssLightAt<double> at{};
+        for (int k = 0; k < 3; ++k) position[k] = light.position[k], intensity[k] = light.intensity[k], at.wi[k] = light.directionToLight[k];
+        at.falloff = 1;
+        if (light.type == LightType::kPoint) at = sssPointLightAt(position, radius, pixel.point);
+        const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.wi);
+        const int own = kSssSurfaceChannels + kSssLightChannels * l;
+        for (int c = 0; c < 3; ++c) out.image[3 * l + c] = sssRadiance(pixel, channels + own, intensity[c] * at.falloff, o.value[c], c);
+        sssPixelLightBackward(pixel, channels + own, at, radius, intensity, o, dImage + 3 * l, out.dPlanes + own, gradient);
+    }
+    sssPixelBackward(pixel, channels, ray, gradient, out.dPlanes, &out.dPlanes[kChannels]);
+    out.dPlanes[kChannels] += dImage[6];
+    return out;
+}
+
+} // namespace
+
+TEST_CASE("sss: resolving four pixels at a time is resolving each, whatever the width; where nothing is seen, all is 0")
+{
+    constexpr int kChannels = kSssSurfaceChannels + 2 * kSssLightChannels;
+    Random random(27);
+    LitView lit;
+    lit.lightCount = 2;
+    lit.lights[0].position = {1, 2, 2}, lit.lights[0].intensity = {3, 4, 5};
+    lit.lights[1].type = LightType::kDirectional, lit.lights[1].directionToLight = {0, 0.6f, 0.8f};
+    for (int width : {1, 4, 7, 10}) {
+        const PixelRays rays{{0, 0, 3}, {-0.5f, 0.4f, -1}, {1.0f / float(width), 0, 0}, {0, -0.25f, 0}, width, 3};
+        const size_t pixels = size_t(width) * 3;
+        std::vector<float> planes((kChannels + 1) * pixels), dImage(7 * pixels), image(7 * pixels, -1), dPlanes(planes.size(), -1);
+        for (float& p : planes) p = random.uniform();
+        for (float& d : dImage) d = 2 * random.uniform() - 1;
+        for (size_t i = 0; i < pixels; ++i) {
+            const bool empty = i % 10 > 3, cancelled = i % 10 == 2;
+            for (int k = 0; k <= kChannels; ++k) {
+                float& p = planes[size_t(k) * pixels + i];
+                if (empty) p = 0;
+                else if (k == kChannels) p = 0.2f + 0.8f * p;
+                else if (k < kSssBase) p = cancelled ? 0 : p - 0.2f;
+                else if (k == kSssDepth) p = 3 * planes[size_t(kChannels) * pixels + i];
+            }
+        }
+        sssResolve(rays, lit, planes.data(), image.data());
+        sssResolveBackward(rays, lit, planes.data(), dImage.data(), dPlanes.data());
+        for (size_t i = 0; i < pixels; ++i) {
+            double channels[kChannels + 1], weights[7];
+            for (int k = 0; k <= kChannels; ++k) channels[k] = planes[size_t(k) * pixels + i];
+            for (int k = 0; k < 7; ++k) weights[k] = dImage[size_t(k) * pixels + i];
+            const ScalarPixel expected = resolveScalar(rays, lit, int(i) % width, int(i) / width, channels, weights);
+            CHECK(image[6 * pixels + i] == planes[size_t(kChannels) * pixels + i]);
+            for (int k = 0; k < 6; ++k) {
+                const double got = image[size_t(k) * pixels + i];
+                CHECK(std::abs(got - expected.image[k]) < 1e-4 * (1 + std::abs(expected.image[k])));
+            }
+            if (channels[kChannels] == 0) continue; // no splat asks for it
+            for (int k = 0; k <= kChannels; ++k) {
+                const double got = dPlanes[size_t(k) * pixels + i];
+                CHECK(std::abs(got - expected.dPlanes[k]) < 1e-3 * (1 + std::abs(expected.dPlanes[k])));
+            }
+        }
     }
 }
 

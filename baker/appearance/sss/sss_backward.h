@@ -15,31 +15,28 @@ template <class T>
 NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, const T* wi, const SssReflection<T>& o,
                                         const T* dValue, SssReflectGradient<T>& d)
 {
-    const T zero = T(0), one = T(1), pi = T(3.14159265358979);
-    if (!(o.nl > zero)) return;                // lit from behind: zero, and flat
+    const T zero = T(0), one = T(1), inversePi = T(kSssInversePi);
+    const T lit = select(o.nl > zero, one, zero); // from behind: zero, and flat
     T dSpecular = zero, dP = zero, dNl = zero; // of D * vis; of Schlick's power
     for (int c = 0; c < 3; ++c) {
-        const T g = dValue[c] * o.nl, lambert = (one - s.metalness) * s.base[c] / pi;
-        dNl += dValue[c] * ((one - o.fresnel[c]) * lambert + o.d * o.vis * o.fresnel[c]);
+        const T g = dValue[c] * o.nl, lambert = (one - s.metalness) * s.base[c] * inversePi;
+        dNl += dValue[c] * lit * ((one - o.fresnel[c]) * lambert + o.d * o.vis * o.fresnel[c]);
         dSpecular += g * o.fresnel[c];
         const T dFresnel = g * (o.d * o.vis - lambert), dF0 = dFresnel * (one - o.p);
         dP += dFresnel * (one - o.f0[c]);
-        d.base[c] += dF0 * s.metalness + g * (one - o.fresnel[c]) * (one - s.metalness) / pi;
-        d.metalness += dF0 * (s.base[c] - T(kSssDielectricF0)) - g * (one - o.fresnel[c]) * s.base[c] / pi;
+        d.base[c] += dF0 * s.metalness + g * (one - o.fresnel[c]) * (one - s.metalness) * inversePi;
+        d.metalness += dF0 * (s.base[c] - T(kSssDielectricF0)) - g * (one - o.fresnel[c]) * s.base[c] * inversePi;
     }
     const T dD = dSpecular * o.vis, dVis = dSpecular * o.d;
-    const T dA2 = o.d > zero ? dD * (o.d / o.a2 - T(2) * o.d * o.nh * o.nh / o.q) : zero;
-    T dNh = dD * T(-4) * o.d * o.nh * (o.a2 - one) / o.q;
-    if (!(o.nh > zero && o.nh < one)) dNh = zero;
-    dNl -= dVis * o.vis * (one - o.k) / o.gl;
-    T dNv = -dVis * o.vis * (one - o.k) / o.gv;
-    if (!(o.nv > zero)) dNv = zero;
-    const T dK = -dVis * o.vis * ((one - o.nl) / o.gl + (one - o.nv) / o.gv);
-    if (s.roughness > T(kSssMinRoughness) && s.roughness < one)
-        d.roughness += dA2 * T(4) * o.r * o.r * o.r + dK * (o.r + one) / T(4);
+    const T dA2 = dD * (o.d / o.a2 - T(2) * o.d * o.nh * o.nh * o.inverseQ);
+    const T dNh = select((o.nh > zero) & (o.nh < one), dD * T(-4) * o.d * o.nh * (o.a2 - one) * o.inverseQ, zero);
+    dNl -= dVis * o.vis * (one - o.k) * o.inverseGl;
+    const T dNv = select(o.nv > zero, -dVis * o.vis * (one - o.k) * o.inverseGv, zero);
+    const T dK = -dVis * o.vis * ((one - o.nl) * o.inverseGl + (one - o.nv) * o.inverseGv);
+    d.roughness += select((s.roughness > T(kSssMinRoughness)) & (s.roughness < one),
+                          dA2 * T(4) * o.r * o.r * o.r + dK * (o.r + one) * T(0.25), zero);
     const T m = one - o.vh;
-    T dVh = dP * T(-5) * m * m * m * m;
-    if (!(o.vh > zero && o.vh < one)) dVh = zero;
+    const T dVh = select((o.vh > zero) & (o.vh < one), dP * T(-5) * m * m * m * m, zero);
 
     T dHalf[3], along = zero;
     for (int c = 0; c < 3; ++c) {
@@ -48,9 +45,8 @@ NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, con
         d.wi[c] += dNl * s.normal[c];
         d.wo[c] += dNv * s.normal[c] + dVh * o.half[c];
     }
-    if (!(o.halfLength > zero)) return;
     for (int c = 0; c < 3; ++c) {
-        const T free = (dHalf[c] - along * o.half[c]) / o.halfLength;
+        const T free = (dHalf[c] - along * o.half[c]) * o.inverseHalf;
         d.wi[c] += free, d.wo[c] += free;
     }
 }
@@ -59,12 +55,12 @@ NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, con
 template <class T>
 NACRE_HD inline void sssPointLightBackward(const SssLightAt<T>& o, T radius, const T* dWi, T dFalloff, T* dPoint)
 {
-    if (!(o.distance2 > T(1e-20))) return;
-    const T inv = T(1) / std::sqrt(o.distance2);
+    using std::sqrt;
+    const T distance = sqrt(o.distance2), inv = select(o.distance2 > T(1e-20), T(1) / distance, T(0));
     T along = T(0);
     for (int c = 0; c < 3; ++c) along += dWi[c] * o.wi[c];
     // d falloff / d point = 2 falloff^2 (light - point), while the radius does not cap it
-    const T slope = o.distance2 > radius * radius ? T(2) * dFalloff * o.falloff * o.falloff / inv : T(0);
+    const T slope = select(o.distance2 > radius * radius, T(2) * dFalloff * o.falloff * o.falloff * distance, T(0));
     for (int c = 0; c < 3; ++c) dPoint[c] += slope * o.wi[c] - (dWi[c] - along * o.wi[c]) * inv;
 }
 
@@ -80,9 +76,7 @@ NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* ch
                                            const T* intensity, const SssReflection<T>& o, const T* dImage, T* dLight,
                                            SssPixelGradient<T>& d)
 {
-    dLight[kSssIncident] = T(0);
     for (int c = 0; c < 3; ++c) dLight[kSssScattered + c] = dImage[c];
-    if (!pixel.shaded) return;
     T dValue[3], sum = T(0); // sum: gradient with respect to direct * incident * falloff
     const T factor = pixel.direct * channels[kSssIncident] * at.falloff;
     for (int c = 0; c < 3; ++c) {
@@ -103,14 +97,11 @@ template <class T>
 NACRE_HD inline void sssPixelBackward(const SssPixel<T>& pixel, const T* g, const T* ray, const SssPixelGradient<T>& d, T* dG,
                                       T* dAlpha)
 {
-    for (int k = 0; k < kSssSurfaceChannels; ++k) dG[k] = T(0);
-    *dAlpha = T(0);
-    if (!pixel.shaded) return;
     T dInverse = T(0), along = T(0), dDepth = T(0);
     const auto divided = [&](int k, T gradient) { dG[k] = gradient * pixel.inverseAlpha, dInverse += gradient * g[k]; };
     for (int c = 0; c < 3; ++c) along += pixel.surface.normal[c] * d.surface.normal[c], dDepth += d.point[c] * ray[c];
     for (int c = 0; c < 3; ++c) {
-        dG[kSssNormal + c] = (d.surface.normal[c] - along * pixel.surface.normal[c]) / pixel.normalLength;
+        dG[kSssNormal + c] = (d.surface.normal[c] - along * pixel.surface.normal[c]) * pixel.inverseLength;
         divided(kSssBase + c, d.surface.base[c]);
     }
     divided(kSssRoughness, d.surface.roughness), divided(kSssMetalness, d.surface.metalness);

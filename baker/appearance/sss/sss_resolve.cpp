@@ -1,106 +1,148 @@
 #include "appearance/sss/sss_resolve.h"
 
 #include "appearance/sss/sss_backward.h"
+#include "render/lanes.h"
 
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <cmath>
 
 namespace nacre {
 
 namespace {
 
-constexpr int kMaxPlanes = kSssSurfaceChannels + kSssLightChannels * kMaxLightsPerStep + 1;
+constexpr int kMaxPlanes = kSssSurfaceChannels + kSssLightChannels * kMaxLightsPerStep;
 
-/// One pixel's channels, side by side.
-struct PixelChannels {
-    float g[kMaxPlanes];
-    float alpha, ray[3];
-    bool empty = true;
+/// Neighbours in a row of pixels, with their channels side by side.
+struct PixelGroup {
+    Lanes channels[kMaxPlanes], alpha, ray[3];
+    SssPixel<Lanes> pixel;
 };
 
-PixelChannels gather(const PixelRays& rays, const float* planes, int channels, size_t pixels, int x, int y)
+/// A light, the same for all lanes.
+struct LightLanes {
+    Lanes position[3], intensity[3], radius;
+    SssLightAt<Lanes> directional;
+    bool isPoint;
+};
+
+LightLanes spread(const Light& light)
 {
-    PixelChannels p;
-    const size_t at = size_t(y) * rays.width + x;
-    p.alpha = planes[size_t(channels) * pixels + at];
-    if (!(p.alpha > 0)) return p;
-    p.empty = false;
-    for (int k = 0; k < channels; ++k) p.g[k] = planes[size_t(k) * pixels + at];
-    float length2 = 0;
-    for (int k = 0; k < 3; ++k) {
-        p.ray[k] = rays.origin[k] + (float(x) + 0.5f) * rays.right[k] + (float(y) + 0.5f) * rays.down[k];
-        length2 += p.ray[k] * p.ray[k];
+    LightLanes o{};
+    for (int c = 0; c < 3; ++c) {
+        o.position[c] = Lanes(light.position[c]), o.intensity[c] = Lanes(light.intensity[c]);
+        o.directional.wi[c] = Lanes(light.directionToLight[c]);
     }
-    const float inv = 1.0f / std::sqrt(length2);
-    for (float& r : p.ray) r *= inv; // depth is the distance from the eye
-    return p;
+    o.radius = Lanes(std::max(light.radius, kMinLightRadius));
+    o.directional.falloff = Lanes(1); // and distance 0: no gradient to the point
+    o.isPoint = light.type == LightType::kPoint;
+    return o;
 }
 
-SssLightAt<float> lightAt(const Light& light, const float* point)
+SssLightAt<Lanes> lightAt(const LightLanes& light, const Lanes* point)
 {
-    if (light.type == LightType::kPoint)
-        return sssPointLightAt(&light.position.x, std::max(light.radius, kMinLightRadius), point);
-    return {{light.directionToLight.x, light.directionToLight.y, light.directionToLight.z},
-            1.0f,
-            0.0f}; // distance 0: no gradient to the point
+    return light.isPoint ? sssPointLightAt(light.position, light.radius, point) : light.directional;
 }
+
+/// What both directions go through: the image in rows of groups of pixels.
+struct Resolve {
+    const PixelRays& rays;
+    int lights, channels;
+    const float* planes;
+    size_t pixels;
+    LightLanes light[kMaxLightsPerStep];
+
+    Resolve(const PixelRays& rays, const LitView& lit, const float* planes)
+        : rays(rays), lights(lit.lightCount), channels(kSssSurfaceChannels + kSssLightChannels * lights), planes(planes),
+          pixels(size_t(rays.width) * rays.height)
+    {
+        for (int l = 0; l < lights; ++l) light[l] = spread(lit.lights[l]);
+    }
+
+    // work(first pixel, pixels, group, or null where nothing is seen)
+    template <class Work> void forEachGroup(Work work) const
+    {
+        tbb::parallel_for(0, rays.height, [&](int y) {
+            for (int x = 0; x < rays.width; x += Lanes::kCount) {
+                const size_t at = size_t(y) * rays.width + x;
+                const int count = std::min(Lanes::kCount, rays.width - x);
+                PixelGroup group;
+                group.alpha = Lanes::load(planes + size_t(channels) * pixels + at, count);
+                const bool seen = any(group.alpha > Lanes(0));
+                if (seen) gather(x, y, count, group);
+                work(at, count, seen ? &group : nullptr);
+            }
+        });
+    }
+
+    void gather(int x, int y, int count, PixelGroup& group) const
+    {
+        const size_t at = size_t(y) * rays.width + x;
+        for (int k = 0; k < channels; ++k) group.channels[k] = Lanes::load(planes + size_t(k) * pixels + at, count);
+        float columns[Lanes::kCount];
+        for (int lane = 0; lane < Lanes::kCount; ++lane) columns[lane] = float(x + lane) + 0.5f;
+        const Lanes column = Lanes::load(columns, Lanes::kCount);
+        Lanes eye[3], length2{};
+        for (int k = 0; k < 3; ++k) {
+            eye[k] = Lanes(rays.eye[k]);
+            group.ray[k] = Lanes(rays.origin[k] + (float(y) + 0.5f) * rays.down[k]) + column * Lanes(rays.right[k]);
+            length2 += group.ray[k] * group.ray[k];
+        }
+        const Lanes inverse = Lanes(1) / sqrt(length2);
+        for (Lanes& r : group.ray) r = r * inverse; // depth is the distance from the eye
+        group.pixel = sssPixel(group.channels, group.alpha, eye, group.ray);
+    }
+};
 
 } // namespace
 
 void sssResolve(const PixelRays& rays, const LitView& lit, const float* planes, float* image)
 {
-    const int lights = lit.lightCount, channels = kSssSurfaceChannels + kSssLightChannels * lights;
-    const size_t pixels = size_t(rays.width) * rays.height;
-    std::copy_n(planes + size_t(channels) * pixels, pixels, image + size_t(3 * lights) * pixels);
-    tbb::parallel_for(0, rays.height, [&](int y) {
-        for (int x = 0; x < rays.width; ++x) {
-            const size_t at = size_t(y) * rays.width + x;
-            const PixelChannels p = gather(rays, planes, channels, pixels, x, y);
-            const SssPixel<float> pixel = p.empty ? SssPixel<float>{} : sssPixel(p.g, p.alpha, rays.eye, p.ray);
-            for (int l = 0; l < lights; ++l) {
-                if (p.empty) {
-                    for (int c = 0; c < 3; ++c) image[size_t(3 * l + c) * pixels + at] = 0.0f;
-                    continue;
-                }
-                const SssLightAt<float> light = lightAt(lit.lights[l], pixel.point);
-                const SssReflection<float> o = sssReflect(pixel.surface, pixel.wo, light.wi);
-                const float* own = p.g + kSssSurfaceChannels + kSssLightChannels * l;
-                for (int c = 0; c < 3; ++c)
-                    image[size_t(3 * l + c) * pixels + at] =
-                        sssRadiance(pixel, own, lit.lights[l].intensity[c] * light.falloff, o.value[c], c);
+    const Resolve resolve(rays, lit, planes);
+    const size_t pixels = resolve.pixels;
+    std::copy_n(planes + size_t(resolve.channels) * pixels, pixels, image + size_t(3 * resolve.lights) * pixels);
+    resolve.forEachGroup([&](size_t at, int count, const PixelGroup* group) {
+        for (int l = 0; l < resolve.lights; ++l) {
+            float* out = image + size_t(3 * l) * pixels + at;
+            if (!group) {
+                for (int c = 0; c < 3; ++c) std::fill_n(out + size_t(c) * pixels, count, 0.0f);
+                continue;
             }
+            const LightLanes& light = resolve.light[l];
+            const SssLightAt<Lanes> to = lightAt(light, group->pixel.point);
+            const SssReflection<Lanes> o = sssReflect(group->pixel.surface, group->pixel.wo, to.wi);
+            const Lanes* own = group->channels + kSssSurfaceChannels + kSssLightChannels * l;
+            for (int c = 0; c < 3; ++c)
+                sssRadiance(group->pixel, own, light.intensity[c] * to.falloff, o.value[c], c)
+                    .store(out + size_t(c) * pixels, count);
         }
     });
 }
 
 void sssResolveBackward(const PixelRays& rays, const LitView& lit, const float* planes, const float* dImage, float* dPlanes)
 {
-    const int lights = lit.lightCount, channels = kSssSurfaceChannels + kSssLightChannels * lights;
-    const size_t pixels = size_t(rays.width) * rays.height;
-    tbb::parallel_for(0, rays.height, [&](int y) {
-        for (int x = 0; x < rays.width; ++x) {
-            const size_t at = size_t(y) * rays.width + x;
-            const PixelChannels p = gather(rays, planes, channels, pixels, x, y);
-            float d[kMaxPlanes] = {}, dAlpha = 0;
-            if (!p.empty) {
-                const SssPixel<float> pixel = sssPixel(p.g, p.alpha, rays.eye, p.ray);
-                SssPixelGradient<float> gradient;
-                for (int l = 0; l < lights; ++l) {
-                    const Light& light = lit.lights[l];
-                    const SssLightAt<float> to = lightAt(light, pixel.point);
-                    const float dPixel[3] = {dImage[size_t(3 * l) * pixels + at], dImage[size_t(3 * l + 1) * pixels + at],
-                                             dImage[size_t(3 * l + 2) * pixels + at]};
-                    const int own = kSssSurfaceChannels + kSssLightChannels * l;
-                    sssPixelLightBackward(pixel, p.g + own, to, std::max(light.radius, kMinLightRadius), &light.intensity.x,
-                                          sssReflect(pixel.surface, pixel.wo, to.wi), dPixel, d + own, gradient);
-                }
-                sssPixelBackward(pixel, p.g, p.ray, gradient, d, &dAlpha);
+    const Resolve resolve(rays, lit, planes);
+    const size_t pixels = resolve.pixels;
+    const int channels = resolve.channels;
+    resolve.forEachGroup([&](size_t at, int count, const PixelGroup* group) {
+        Lanes d[kMaxPlanes], dAlpha{};
+        if (!group) std::fill_n(d, channels, Lanes{});
+        else {
+            SssPixelGradient<Lanes> gradient;
+            for (int l = 0; l < resolve.lights; ++l) {
+                const LightLanes& light = resolve.light[l];
+                const SssLightAt<Lanes> to = lightAt(light, group->pixel.point);
+                Lanes dPixel[3];
+                for (int c = 0; c < 3; ++c) dPixel[c] = Lanes::load(dImage + size_t(3 * l + c) * pixels + at, count);
+                const int own = kSssSurfaceChannels + kSssLightChannels * l;
+                sssPixelLightBackward(group->pixel, group->channels + own, to, light.radius, light.intensity,
+                                      sssReflect(group->pixel.surface, group->pixel.wo, to.wi), dPixel, d + own, gradient);
             }
-            for (int k = 0; k < channels; ++k) dPlanes[size_t(k) * pixels + at] = d[k];
-            dPlanes[size_t(channels) * pixels + at] = dAlpha + dImage[size_t(3 * lights) * pixels + at];
+            sssPixelBackward(group->pixel, group->channels, group->ray, gradient, d, &dAlpha);
         }
+        for (int k = 0; k < channels; ++k) d[k].store(dPlanes + size_t(k) * pixels + at, count);
+        dAlpha += Lanes::load(dImage + size_t(3 * resolve.lights) * pixels + at, count);
+        dAlpha.store(dPlanes + size_t(channels) * pixels + at, count);
     });
 }
 

@@ -8,15 +8,19 @@
 // distance^2).
 // f is GGX with alpha = roughness^2, Schlick's Fresnel term, Smith-Schlick masking with k = (roughness + 1)^2 / 8 and a diffuse part
 // (1 - F)(1 - metalness) base / pi. Linear in light: V_t and R_t are ratios that do not know the light's intensity.
+//
+// Without branches, so that T can be a number or a vector of them (render/lanes.h of the baker). What has no value is 0 and adds nothing.
 #pragma once
 
 #include "base/host_device.h"
+#include "base/select.h"
 
 #include <cmath>
 
 namespace nacre {
 
 constexpr float kSssMinRoughness = 0.04f;  // GGX peaks at 1 / (pi r^4): 1.2e5 here, finite in half floats after E * NL of order one
+constexpr double kSssInversePi = 0.318309886183791;
 constexpr float kSssDielectricF0 = 0.04f;
 constexpr float kSssMinAlpha = 1e-3f;      // a pixel fainter than this shows nothing
 constexpr float kSssMinLength = 1e-4f;     // blended normals shorter than this have cancelled: there is no direction to shade
@@ -33,8 +37,8 @@ struct SssSurface {
 /// Intermediate values of sssReflect, for its gradient.
 template <class T>
 struct SssReflection {
-    T nl, nv, nh, vh, halfLength, half[3]; // cosines, clamped at 0; length and direction of w_i + w_o (0 if there is none)
-    T r, k, a2, q, d, gl, gv, vis, p;
+    T nl, nv, nh, vh, inverseHalf, half[3]; // cosines, clamped at 0; 1 / length and direction of w_i + w_o (0 if there is none)
+    T r, k, a2, inverseQ, d, inverseGl, inverseGv, vis, p;
     T f0[3], fresnel[3];
     T value[3];                            // f * nl
 };
@@ -45,33 +49,34 @@ template <class T>
 NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo, const T* wi, T widening = T(0))
 {
     const T zero = T(0), one = T(1);
-    const auto atLeast0 = [&](T x) { return x > zero ? x : zero; };
+    using std::sqrt;
+    const auto atLeast0 = [&](T x) { return select(x > zero, x, zero); };
     SssReflection<T> o{};
     T length2 = zero, nh = zero, vh = zero, nl = zero, nv = zero;
     for (int c = 0; c < 3; ++c) {
         o.half[c] = wi[c] + wo[c], length2 += o.half[c] * o.half[c];
         nl += s.normal[c] * wi[c], nv += s.normal[c] * wo[c];
     }
-    o.halfLength = length2 > T(1e-12) ? std::sqrt(length2) : zero;
+    o.inverseHalf = select(length2 > T(1e-12), one / sqrt(length2), zero);
     for (int c = 0; c < 3; ++c) {
-        o.half[c] = o.halfLength > zero ? o.half[c] / o.halfLength : zero;
+        o.half[c] = o.half[c] * o.inverseHalf;
         nh += s.normal[c] * o.half[c], vh += wo[c] * o.half[c];
     }
-    o.nl = atLeast0(nl), o.nv = atLeast0(nv), o.nh = nh > one ? one : atLeast0(nh), o.vh = vh > one ? one : atLeast0(vh);
-    o.r = s.roughness > T(kSssMinRoughness) ? (s.roughness < one ? s.roughness : one) : T(kSssMinRoughness);
+    o.nl = atLeast0(nl), o.nv = atLeast0(nv), o.nh = select(nh > one, one, atLeast0(nh)), o.vh = select(vh > one, one, atLeast0(vh));
+    o.r = select(s.roughness > T(kSssMinRoughness), select(s.roughness < one, s.roughness, one), T(kSssMinRoughness));
     o.a2 = o.r * o.r * o.r * o.r + widening;
-    o.a2 = o.a2 < one ? o.a2 : one;
-    o.k = (o.r + one) * (o.r + one) / T(8);
-    o.q = (one - o.nh * o.nh) + o.nh * o.nh * o.a2;
-    o.d = o.halfLength > zero ? o.a2 / (T(3.14159265358979) * o.q * o.q) : zero;
-    o.gl = o.nl * (one - o.k) + o.k, o.gv = o.nv * (one - o.k) + o.k;
-    o.vis = one / (T(4) * o.gl * o.gv);
+    o.a2 = select(o.a2 < one, o.a2, one);
+    o.k = (o.r + one) * (o.r + one) * T(0.125);
+    o.inverseQ = one / ((one - o.nh * o.nh) + o.nh * o.nh * o.a2);
+    o.d = select(o.inverseHalf > zero, o.a2 * T(kSssInversePi) * o.inverseQ * o.inverseQ, zero);
+    o.inverseGl = one / (o.nl * (one - o.k) + o.k), o.inverseGv = one / (o.nv * (one - o.k) + o.k);
+    o.vis = T(0.25) * o.inverseGl * o.inverseGv;
     const T m = one - o.vh;
     o.p = m * m * m * m * m;
     for (int c = 0; c < 3; ++c) {
         o.f0[c] = T(kSssDielectricF0) * (one - s.metalness) + s.base[c] * s.metalness;
         o.fresnel[c] = o.f0[c] + (one - o.f0[c]) * o.p;
-        const T diffuse = (one - o.fresnel[c]) * (one - s.metalness) * s.base[c] / T(3.14159265358979);
+        const T diffuse = (one - o.fresnel[c]) * (one - s.metalness) * s.base[c] * T(kSssInversePi);
         o.value[c] = (diffuse + o.d * o.vis * o.fresnel[c]) * o.nl;
     }
     return o;
@@ -81,19 +86,20 @@ NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo,
 template <class T>
 struct SssLightAt {
     T wi[3];
-    T falloff, distance2; // 1 / max(distance^2, radius^2)
+    T falloff, distance2; // 1 / max(distance^2, radius^2); distance 0: directional
 };
 
 /// At zero distance the direction is +Z: any unit vector is as good.
 template <class T>
 NACRE_HD inline SssLightAt<T> sssPointLightAt(const T* light, T radius, const T* point)
 {
+    using std::sqrt;
     SssLightAt<T> o{};
     T d[3];
     for (int c = 0; c < 3; ++c) d[c] = light[c] - point[c], o.distance2 += d[c] * d[c];
-    const T inv = o.distance2 > T(1e-20) ? T(1) / std::sqrt(o.distance2) : T(0);
-    for (int c = 0; c < 3; ++c) o.wi[c] = inv > T(0) ? d[c] * inv : T(c == 2);
-    o.falloff = T(1) / (o.distance2 > radius * radius ? o.distance2 : radius * radius);
+    const T inv = select(o.distance2 > T(1e-20), T(1) / sqrt(o.distance2), T(0));
+    for (int c = 0; c < 3; ++c) o.wi[c] = select(inv > T(0), d[c] * inv, T(c == 2));
+    o.falloff = T(1) / select(o.distance2 > radius * radius, o.distance2, radius * radius);
     return o;
 }
 
@@ -107,27 +113,29 @@ constexpr int kSssIncident = 0, kSssScattered = 1, kSssLightChannels = 4;
 template <class T>
 struct SssPixel {
     SssSurface<T> surface;
-    T inverseAlpha, normalLength, direct; // direct: 1 - subsurfaceness
+    T inverseAlpha;
+    T inverseLength; // of the blended normal; 0: too faint, or its normals cancel, and only scattered light is seen
+    T direct;        // 1 - subsurfaceness
     T wo[3], point[3];
-    bool shaded;                          // false: too faint, or its normals cancel; only scattered light is seen
 };
 
 /// `g`: the surface channels; the point at depth t is eye + t * ray.
 template <class T>
 NACRE_HD inline SssPixel<T> sssPixel(const T* g, T alpha, const T* eye, const T* ray)
 {
+    using std::sqrt;
+    const T zero = T(0), one = T(1);
     SssPixel<T> o{};
-    o.inverseAlpha = alpha > T(kSssMinAlpha) ? T(1) / alpha : T(0);
-    o.normalLength = std::sqrt(g[kSssNormal] * g[kSssNormal] + g[kSssNormal + 1] * g[kSssNormal + 1] + g[kSssNormal + 2] * g[kSssNormal + 2]);
-    o.shaded = o.normalLength * o.inverseAlpha > T(kSssMinLength);
-    if (!o.shaded) return o;
-    const T length = std::sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]), depth = g[kSssDepth] * o.inverseAlpha;
+    o.inverseAlpha = select(alpha > T(kSssMinAlpha), one / alpha, zero);
+    const T normalLength = sqrt(g[kSssNormal] * g[kSssNormal] + g[kSssNormal + 1] * g[kSssNormal + 1] + g[kSssNormal + 2] * g[kSssNormal + 2]);
+    o.inverseLength = select(normalLength * o.inverseAlpha > T(kSssMinLength), one / normalLength, zero);
+    const T depth = g[kSssDepth] * o.inverseAlpha, inverseRay = one / sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]);
     for (int c = 0; c < 3; ++c) {
-        o.surface.normal[c] = g[kSssNormal + c] / o.normalLength, o.surface.base[c] = g[kSssBase + c] * o.inverseAlpha;
-        o.wo[c] = -ray[c] / length, o.point[c] = eye[c] + depth * ray[c];
+        o.surface.normal[c] = g[kSssNormal + c] * o.inverseLength, o.surface.base[c] = g[kSssBase + c] * o.inverseAlpha;
+        o.wo[c] = -ray[c] * inverseRay, o.point[c] = eye[c] + depth * ray[c];
     }
     o.surface.roughness = g[kSssRoughness] * o.inverseAlpha, o.surface.metalness = g[kSssMetalness] * o.inverseAlpha;
-    o.direct = T(1) - g[kSssSubsurface] * o.inverseAlpha;
+    o.direct = select(o.inverseLength > zero, one - g[kSssSubsurface] * o.inverseAlpha, zero);
     return o;
 }
 
@@ -135,7 +143,7 @@ NACRE_HD inline SssPixel<T> sssPixel(const T* g, T alpha, const T* eye, const T*
 template <class T>
 NACRE_HD inline T sssRadiance(const SssPixel<T>& pixel, const T* light, T irradiance, T reflected, int c)
 {
-    return light[kSssScattered + c] + (pixel.shaded ? pixel.direct * light[kSssIncident] * irradiance * reflected : T(0));
+    return light[kSssScattered + c] + pixel.direct * light[kSssIncident] * irradiance * reflected;
 }
 
 } // namespace nacre
