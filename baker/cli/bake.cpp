@@ -209,7 +209,7 @@ Action addBake(CLI::App& app)
     sub->add_option("-o,--output", args->output, "Asset to write (.glb)")->required();
     models.push_back("auto");
     sub->add_option("--model", o.model,
-                    "Appearance model; auto: the one that does better in a small bake of each (16 % of the time)")
+                    "Appearance model; auto: the one that does better in a small bake of each (12 % of the time)")
         ->check(CLI::IsMember(models))
         ->capture_default_str();
     sub->add_option("--quality", o.quality, "Sets iterations, splats and channel sizes that are not given")

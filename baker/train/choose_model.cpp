@@ -9,9 +9,9 @@ namespace nacre {
 
 // Models learn at different speeds: sss is 4 dB behind bigs after 8 % of a bake at whose end it leads by 1 dB. So a trial is a small bake that
 // goes further: with fewer splats and pixels the models stand after 3200 steps as they do after 10000 of the bake proper (sss less bigs,
-// masked: knob_marble 1.0 and 1.1 dB, bunny_wax -0.1 and 0.2), at about a fifth of the time a step.
-constexpr double kTrialShare = 0.08;  // of the bake's time, for each model
-constexpr int kSmaller = 4;           // splats; a step takes about so much less
+// masked: knob_marble 1.0 and 1.1 dB, bunny_wax -0.1 and 0.2), at a fifth of the time a step.
+constexpr double kTrialShare = 0.06, kTrialSteps = 0.3; // of the bake's time or steps, for each model: as far as the bake proper will come
+constexpr int kSmaller = 4;           // splats
 constexpr int kLeastPixels = 100;     // no image is halved to less
 constexpr int kLeastTrialSteps = 300; // less says nothing
 constexpr uint32_t kJudgeEvery = 8;   // cameras
@@ -60,7 +60,7 @@ Result<std::vector<ModelTrial>> tryModels(const OlatDataset& dataset, const Bake
         trial.trackHeldOut = true;
         trial.maxSplats = std::max(1, bakeSplats(options) / kSmaller);
         if (trial.iterations > 0 || trial.minutes <= 0)
-            trial.iterations = std::max(kLeastTrialSteps, int(kSmaller * kTrialShare * bakeIterations(options)));
+            trial.iterations = std::max(kLeastTrialSteps, int(kTrialSteps * bakeIterations(options)));
         else trial.minutes *= kTrialShare;
         auto result = bake(judged, trial, [&](const BakeProgress& p) {
             BakeProgress named = p;

@@ -11,7 +11,7 @@ struct ModelTrial {
     double psnrMasked = 0;
 };
 
-/// A small bake of every model, at most 8 % of the work of `options` each: a quarter of the splats and images of down to 100 pixels, on train
+/// A small bake of every model, 6 % of the work of `options` each: a quarter of the splats and images of down to 100 pixels, on train
 /// images without every eighth camera, which judge them. Best first. The bake proper has the rest: restOf(options).
 Result<std::vector<ModelTrial>> tryModels(const OlatDataset& dataset, const BakeOptions& options,
                                           const std::function<void(const BakeProgress&)>& progress, const std::atomic<bool>* cancel);

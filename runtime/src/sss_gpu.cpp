@@ -111,7 +111,7 @@ private:
     std::vector<SssMaterial> baked_;   // as in the file
     std::vector<SplatEdit> edits_;
     float inverseSize_ = 0;
-    bool hasVisibility_ = false, hasNetwork_ = false, edited_ = false, seen_ = false;
+    bool hasVisibility_ = false, hasNetwork_ = false, hasShare_ = false, edited_ = false, seen_ = false;
     GLuint visibility_ = 0, weights_ = 0, first_ = 0, lit_ = 0, scattered_ = 0;
     GLuint litFramebuffer_ = 0, sumFramebuffer_ = 0;
     LayerTarget layers_, further_;
@@ -137,6 +137,7 @@ Failure GpuSss::checkLayout(const SplatAsset& source)
 {
     hasVisibility_ = source.find("visibility") != nullptr;
     hasNetwork_ = source.find("network") != nullptr;
+    hasShare_ = SssChannels(source).shares();
     return checkLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
 }
 
@@ -197,6 +198,7 @@ Failure GpuSss::upload(const SplatAsset& source)
 Failure GpuSss::compilePrograms()
 {
     const std::string common = commonDefines(asset_) + define("HAS_VISIBILITY", int(hasVisibility_)) + define("HAS_NETWORK", int(hasNetwork_)) +
+                               define("HAS_SHARE", int(hasShare_)) +
                                define("H1", kSssHidden1) + define("H2", kSssHidden2) + define("H3", kSssHidden3) + define("HS", kSssHiddenShare) +
                                define("AT_LIGHT", kAtLight) + define("AT_SECOND", kAtSecond) + define("AT_THIRD", kAtThird) +
                                define("AT_SHARE", kAtShare) + define("AT_OUT", kAtOut) + define("LEAK", kSssLeak);

@@ -1,6 +1,6 @@
 // Frame times of the runtime through its public API on a headless context, everything re-evaluated in every frame, for 10 k and 30 k
-// splats, bigs (s on 9 and 25 functions, without and with lobe, visibility and shadow: "sharp") and sss, 1 and 16 point lights, 256 x 256
-// and 800 x 800 pixels.
+// splats, bigs (s on 9 and 25 functions, without and with lobe, visibility and shadow: "sharp") and sss (with visibility and share, without),
+// 1 and 16 point lights, 256 x 256 and 800 x 800 pixels.
 //   bench_gl [frames] [warm-up frames] [most splats] [model]      default 50 10 30000, both models
 // Prints medians of relight, sort and raster (glFinish between them), and beside relight what it cannot do without: every texel that a pass
 // reads or writes, counted once per pass and splat, the multiply-adds of the network, and the rates that the time means.
@@ -35,7 +35,7 @@ struct Kind {
     int functions; // of s, bigs
     bool sharp;
 };
-constexpr Kind kKinds[] = {{"bigs", 9, false}, {"bigs", 9, true}, {"bigs", 25, false}, {"bigs", 25, true}, {"sss", 0, true}};
+constexpr Kind kKinds[] = {{"bigs", 9, false}, {"bigs", 9, true}, {"bigs", 25, false}, {"bigs", 25, true}, {"sss", 0, true}, {"sss", 0, false}};
 
 /// A sphere of radius 0.75 of splats as wide as their spacing, in the order of a spiral, of random appearance.
 static SplatAsset sphere(size_t splats, const Kind& kind)
@@ -66,6 +66,7 @@ static SplatAsset sphere(size_t splats, const Kind& kind)
         a.channels.push_back({"normal", 3, std::move(normals), {}});
         Channel network{"network", uint32_t(kSssNetworkFloats), {}, {}, true};
         for (int i = 0; i < kSssNetworkFloats; ++i) network.values.push_back(0.2f * (random.uniform() - 0.5f));
+        if (!kind.sharp) std::fill_n(network.values.begin() + kSssShareOut, kSssHiddenShare + 1, 0.0f);
         a.channels.push_back(std::move(network));
     } else {
         channel("tDir", kBigsTransportFunctions, 0.2f);
@@ -122,9 +123,9 @@ static double relightFloorBytes(size_t splats, const Kind& kind, int lights)
 /// Products with coefficients; bases and directions are left out.
 static double relightMultiplyAdds(size_t splats, const Kind& kind, int lights)
 {
-    constexpr int kNetwork = kSssHidden1 * kSssLightInputs + kSssHidden2 * kSssHidden1 + kSssHidden3 * kSssHidden2 + 3 * kSssHidden3 +
-                             kSssHiddenShare * kSssHidden3 + kSssHiddenShare;
-    if (kind.model == std::string("sss")) return double(splats) * lights * kNetwork;
+    constexpr int kNetwork = kSssHidden1 * kSssLightInputs + kSssHidden2 * kSssHidden1 + kSssHidden3 * kSssHidden2 + 3 * kSssHidden3,
+                  kShare = kSssHiddenShare * kSssHidden3 + kSssHiddenShare;
+    if (kind.model == std::string("sss")) return double(splats) * lights * (kNetwork + (kind.sharp ? kShare : 0));
     return double(splats) * (3.0 * kind.functions * kind.functions + lights * (4.0 * kBigsTransportFunctions + 3.0 * kind.functions));
 }
 

@@ -119,7 +119,7 @@ inline SplatAsset withSharp(SplatAsset asset, int which, uint32_t seed, float sh
     return asset;
 }
 
-enum SssChannelsOf { kSssMaps = 1, kSssNetwork = 2, kSssScatter = 4, kAllSss = 7 };
+enum SssChannelsOf { kSssMaps = 1, kSssNetwork = 2, kSssScatter = 4, kSssShared = 8 /* the network has a share */, kAllSss = 15 };
 
 /// The splats of randomAsset with random materials, normals that look outwards, random maps and a random network, as `which` says.
 inline SplatAsset randomSss(size_t count, int which, uint32_t seed, float splatScale = 0.05f)
@@ -138,6 +138,7 @@ inline SplatAsset randomSss(size_t count, int which, uint32_t seed, float splatS
         for (int i = 0; i < kVisibilityTexels; ++i) maps.bytes.push_back(uint8_t(rng() >> 24));
     }
     for (int i = 0; i < kSssWeights; ++i) network.values.push_back(uniform(-0.4f, 0.4f));
+    if (!(which & kSssShared)) std::fill(network.values.begin() + kSssShareOut, network.values.end(), 0.0f);
     network.values.insert(network.values.end(), {0, 0, 0, 2});
     a.channels = {base, material, normal};
     if (which & kSssMaps) a.channels.push_back(maps);

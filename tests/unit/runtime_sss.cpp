@@ -30,7 +30,7 @@ static Image reference(const SplatAsset& asset, const Camera& camera, std::span<
     return std::move(*image);
 }
 
-TEST_CASE("sss: GL draws the reference image, with and without maps, network and scattering")
+TEST_CASE("sss: GL draws the reference image, with and without maps, network, scattering and share")
 {
     if (!haveGl()) return;
     Host host;

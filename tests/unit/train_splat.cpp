@@ -26,9 +26,16 @@ Camera lookAtOrigin(glm::dvec3 eye, int size)
     return c;
 }
 
-// Silhouettes of a sphere of radius `r` at the origin, seen from all around.
-void sphereViews(double r, int size, std::vector<Camera>& cameras, std::vector<std::vector<uint8_t>>& alphas)
+struct Views {
+    std::vector<Camera> cameras;
+    std::vector<std::vector<uint8_t>> masks;
+};
+
+// Silhouettes of a sphere of radius 0.5 at the origin, seen from all around.
+Views sphereViews(int size)
 {
+    constexpr double kRadius = 0.5;
+    Views views;
     for (int k = 0; k < 24; ++k) {
         const double z = -0.9 + 1.8 * (k + 0.5) / 24, phi = 2.4 * k;
         const Camera c = lookAtOrigin(3.0 * glm::dvec3(std::sqrt(1 - z * z) * std::cos(phi), std::sqrt(1 - z * z) * std::sin(phi), z), size);
@@ -37,11 +44,19 @@ void sphereViews(double r, int size, std::vector<Camera>& cameras, std::vector<s
             for (int x = 0; x < size; ++x) {
                 const glm::dvec3 d = glm::normalize(glm::dmat3(c.worldFromCamera) * glm::dvec3((x + 0.5 - c.cx) / c.fx, -(y + 0.5 - c.cy) / c.fy, -1));
                 const double b = glm::dot(c.position(), d);
-                alpha[size_t(y) * size + x] = glm::dot(c.position(), c.position()) - b * b < r * r;
+                alpha[size_t(y) * size + x] = glm::dot(c.position(), c.position()) - b * b < kRadius * kRadius;
             }
-        cameras.push_back(c);
-        alphas.push_back(alpha);
+        views.cameras.push_back(c);
+        views.masks.push_back(alpha);
     }
+    return views;
+}
+
+Light lamp()
+{
+    Light light;
+    light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
+    return light;
 }
 
 PreparedImage disc(const Camera& camera, const std::vector<uint8_t>& alpha)
@@ -56,10 +71,8 @@ PreparedImage disc(const Camera& camera, const std::vector<uint8_t>& alpha)
 
 Trainer sphereTrainer(size_t count, size_t cap, const std::string& model = "bigs")
 {
-    std::vector<Camera> cameras;
-    std::vector<std::vector<uint8_t>> alphas;
-    sphereViews(0.5, 64, cameras, alphas);
-    const VisualHull hull = carveVisualHull(cameras, alphas, 32);
+    const Views views = sphereViews(64);
+    const VisualHull hull = carveVisualHull(views.cameras, views.masks, 32);
     TrainerOptions options;
     options.maxSplats = cap;
     Trainer trainer(options, makeTrainableAppearance(model, {4}));
@@ -69,16 +82,13 @@ Trainer sphereTrainer(size_t count, size_t cap, const std::string& model = "bigs
 
 void train(Trainer& trainer, int first, int last)
 {
-    std::vector<Camera> cameras;
-    std::vector<std::vector<uint8_t>> alphas;
-    sphereViews(0.5, 64, cameras, alphas);
-    Light light;
-    light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
+    const Views views = sphereViews(64);
+    Light light = lamp();
     for (int step = first; step <= last; ++step) {
-        const size_t k = size_t(step) % cameras.size();
-        const PreparedImage image = disc(cameras[k], alphas[k]);
+        const size_t k = size_t(step) % views.cameras.size();
+        const PreparedImage image = disc(views.cameras[k], views.masks[k]);
         const PreparedImage* reference = &image;
-        trainer.step(cameras[k], std::span(&light, 1), &reference, {step, step / 100.0});
+        trainer.step(views.cameras[k], std::span(&light, 1), &reference, {step, step / 100.0});
     }
 }
 
@@ -93,10 +103,8 @@ std::vector<std::byte> state(const Trainer& trainer)
 
 TEST_CASE("the visual hull of a sphere's silhouettes is the sphere")
 {
-    std::vector<Camera> cameras;
-    std::vector<std::vector<uint8_t>> alphas;
-    sphereViews(0.5, 96, cameras, alphas);
-    const VisualHull hull = carveVisualHull(cameras, alphas, 48);
+    const Views views = sphereViews(96);
+    const VisualHull hull = carveVisualHull(views.cameras, views.masks, 48);
     const float voxel = 2 * hull.halfSize / 48;
     CHECK(std::abs(hull.center[0]) + std::abs(hull.center[1]) + std::abs(hull.center[2]) < 1e-4);
     REQUIRE(hull.surface.size() > 300);
@@ -110,11 +118,9 @@ TEST_CASE("the visual hull of a sphere's silhouettes is the sphere")
 
 TEST_CASE("no silhouette gives no hull, and points fall back to the framed cube")
 {
-    std::vector<Camera> cameras;
-    std::vector<std::vector<uint8_t>> alphas;
-    sphereViews(0.5, 32, cameras, alphas);
-    for (auto& a : alphas) std::fill(a.begin(), a.end(), uint8_t(0));
-    const VisualHull hull = carveVisualHull(cameras, alphas, 24);
+    Views views = sphereViews(32);
+    for (auto& a : views.masks) std::fill(a.begin(), a.end(), uint8_t(0));
+    const VisualHull hull = carveVisualHull(views.cameras, views.masks, 24);
     CHECK(hull.surface.empty());
     for (const SurfacePoint& p : sampleHull(hull, 100, 1))
         for (int k = 0; k < 3; ++k) CHECK(std::abs(p.position[k] - hull.center[k]) <= hull.halfSize);
@@ -151,16 +157,13 @@ TEST_CASE("every model: training lowers the loss, densify respects the cap and k
     for (const AppearanceModel& model : appearanceModels()) {
         CAPTURE(model.name);
         Trainer trainer = sphereTrainer(200, 300, model.name);
-        std::vector<Camera> cameras;
-        std::vector<std::vector<uint8_t>> alphas;
-        sphereViews(0.5, 64, cameras, alphas);
-        Light light;
-        light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
+        const Views views = sphereViews(64);
+        Light light = lamp();
         const auto error = [&] {
-            const PreparedImage image = disc(cameras[3], alphas[3]);
+            const PreparedImage image = disc(views.cameras[3], views.masks[3]);
             const PreparedImage* reference = &image;
             std::vector<float> planes, gradient;
-            trainer.render(cameras[3], std::span(&light, 1), planes);
+            trainer.render(views.cameras[3], std::span(&light, 1), planes);
             gradient.resize(planes.size());
             return ImageLoss().evaluate(planes.data(), &reference, 1, {}, gradient.data()).loss;
         };
@@ -188,16 +191,13 @@ TEST_CASE("every model: a split keeps the picture: no pixel changes much")
         CAPTURE(model.name);
         Trainer trainer = sphereTrainer(400, 800, model.name);
         train(trainer, 1, 48);
-        std::vector<Camera> cameras;
-        std::vector<std::vector<uint8_t>> alphas;
-        sphereViews(0.5, 64, cameras, alphas);
-        Light light;
-        light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
+        const Views views = sphereViews(64);
+        Light light = lamp();
         std::vector<float> before, after;
-        trainer.render(cameras[0], std::span(&light, 1), before);
+        trainer.render(views.cameras[0], std::span(&light, 1), before);
         trainer.densify(200);
         REQUIRE(trainer.count() == 600);
-        trainer.render(cameras[0], std::span(&light, 1), after);
+        trainer.render(views.cameras[0], std::span(&light, 1), after);
         double sum = 0, scale = 0;
         for (size_t i = 0; i < before.size(); ++i) sum += std::abs(before[i] - after[i]), scale += std::abs(before[i]);
         CHECK(sum < 0.1 * scale); // half of the splats were split
@@ -206,11 +206,9 @@ TEST_CASE("every model: a split keeps the picture: no pixel changes much")
 
 TEST_CASE("a hull that cameras enclose keeps off the border; one seen from the front only reaches it")
 {
-    std::vector<Camera> cameras;
-    std::vector<std::vector<uint8_t>> masks;
-    sphereViews(0.5, 48, cameras, masks);
-    CHECK_FALSE(touchesBorder(carveVisualHull(cameras, masks, 32)));
-    CHECK(touchesBorder(carveVisualHull(std::span(cameras).first(1), std::span(masks).first(1), 32)));
+    const Views views = sphereViews(48);
+    CHECK_FALSE(touchesBorder(carveVisualHull(views.cameras, views.masks, 32)));
+    CHECK(touchesBorder(carveVisualHull(std::span(views.cameras).first(1), std::span(views.masks).first(1), 32)));
 }
 
 TEST_CASE("every model: splats answer for the whole error of the pixels that they cover, and for nothing else")
@@ -219,21 +217,18 @@ TEST_CASE("every model: splats answer for the whole error of the pixels that the
         CAPTURE(model.name);
         Trainer trainer = sphereTrainer(300, 300, model.name);
         train(trainer, 1, 20);
-        std::vector<Camera> cameras;
-        std::vector<std::vector<uint8_t>> alphas;
-        sphereViews(0.5, 64, cameras, alphas);
-        Light lights[2];
-        lights[0].position = {0, 2, 4}, lights[0].intensity = glm::vec3(20);
+        const Views views = sphereViews(64);
+        Light lights[2] = {lamp(), {}};
         lights[1].position = {3, 0, 1}, lights[1].intensity = glm::vec3(9);
-        const PreparedImage image = disc(cameras[0], alphas[0]);
+        const PreparedImage image = disc(views.cameras[0], views.masks[0]);
         const PreparedImage* references[] = {&image, &image};
         std::vector<float> planes, errors(64 * 64);
-        trainer.render(cameras[0], lights, planes); // what the step sees
+        trainer.render(views.cameras[0], lights, planes); // what the step sees
         objectErrors(planes.data(), references, 2, errors.data());
         double expected = 0, all = 0;
         for (size_t i = 0; i < errors.size(); ++i) expected += double(errors[i]) * planes[6 * errors.size() + i], all += errors[i];
         std::vector<double> ofSplats(trainer.count());
-        const LossStats stats = trainer.step(cameras[0], lights, references, {21, 0.21}, ofSplats.data());
+        const LossStats stats = trainer.step(views.cameras[0], lights, references, {21, 0.21}, ofSplats.data());
         CHECK(all == doctest::Approx(stats.squaredErrorMasked).epsilon(1e-4)); // exp2 against pow
         CHECK(expected > 0.5 * all);
         double sum = 0;
@@ -304,17 +299,14 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
 
 static void numericsThatBite(const std::string& model)
 {
-    std::vector<Camera> cameras;
-    std::vector<std::vector<uint8_t>> masks;
-    sphereViews(0.5, 48, cameras, masks);
+    const Views views = sphereViews(48);
     std::vector<SurfacePoint> points(64);
     Random random(9);
     for (SurfacePoint& p : points)
         for (int k = 0; k < 3; ++k) p.position[k] = 0.5f * (2 * random.uniform() - 1), p.normal[k] = k == 2;
     float spacing = 0.1f;
-    Light light;
-    light.position = {0, 2, 4}, light.intensity = glm::vec3(20);
-    Camera camera = cameras[2];
+    Light light = lamp();
+    Camera camera = views.cameras[2];
     SUBCASE("light on a Gaussian") { light.position = {points[5].position[0], points[5].position[1], points[5].position[2]}; }
     SUBCASE("light at 1e6 with intensity 1e12") { light.position *= 1e6f, light.intensity = glm::vec3(1e12f); }
     SUBCASE("intensity 0") { light.intensity = glm::vec3(0); }
@@ -331,7 +323,7 @@ static void numericsThatBite(const std::string& model)
     options.maxSplats = 96;
     Trainer trainer(options, makeTrainableAppearance(model, {9}));
     trainer.initialize(points, spacing, true);
-    const PreparedImage image = disc(camera, masks[2]);
+    const PreparedImage image = disc(camera, views.masks[2]);
     const PreparedImage* reference = &image;
     for (int step = 1; step <= 30; ++step) {
         CHECK(std::isfinite(trainer.step(camera, std::span(&light, 1), &reference, {step, 0.3}).loss));

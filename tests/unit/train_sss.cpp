@@ -489,6 +489,21 @@ TEST_CASE("sss: sixteen Gaussians at once give what each gives alone, and the su
     for (size_t k = 0; k < want.size(); ++k) CHECK(std::abs(got[k] - want[k]) < 1e-4 * largest);
     CHECK(largest > 0.1);
 
+    // without its share: the same residual, and gradients as if nothing depended on the share
+    std::vector<float> whole(kSssWeights), bare(kSssWeights);
+    const std::vector<float> residual(batch->residual[0], batch->residual[0] + 3 * kLights * kSssLanes);
+    std::memset(batch->dShare, 0, sizeof batch->dShare);
+    sssBatchBackward(weights, kLights, *batch, whole.data());
+    weights.share = false;
+    std::fill_n(batch->dShare, kLights * kSssLanes, 1.0f);
+    sssBatchForward(weights, kLights, *batch);
+    sssBatchBackward(weights, kLights, *batch, bare.data());
+    CHECK(std::equal(residual.begin(), residual.end(), batch->residual[0]));
+    for (int row = 0; row < kLights * kSssLanes; ++row) CHECK(batch->share[row] == 1.0f);
+    CHECK(bare == whole);
+    weights.share = true;
+
+    sssBatchForward(weights, kLights, *batch);
     std::memset(batch->dResidual, 0, sizeof batch->dResidual), std::memset(batch->dShare, 0, sizeof batch->dShare);
     std::vector<float> nothing(kSssWeights);
     sssBatchBackward(weights, kLights, *batch, nothing.data());

@@ -138,8 +138,10 @@ public:
 
     void leaveOut(const std::string& part, std::span<const uint8_t> kept) override
     {
-        if (part == "s" && !kept.empty()) parameters_.keepScatter(kept);
-        if (part == "s" && kept.empty()) parameters_.dropScatter(), bands_.scatter = 0;
+        if (part == "s") {
+            if (kept.empty()) parameters_.dropScatter(), bands_.scatter = 0;
+            else parameters_.keepScatter(kept);
+        }
         if (part == "lobe") lobeOn_ = bands_.lobe = false;
         if (part == "visibility") visibilityOn_ = false, parameters_.visibility.clear();
     }

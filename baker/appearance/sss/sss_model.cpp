@@ -125,7 +125,7 @@ public:
         forEachBatch(view, [&](size_t, size_t first, int lanes) {
             Batch& batch = batches_[first / kSssLanes];
             fill(view, lit, first, lanes, batch);
-            if (residualOn_ || shareOn_) sssBatchForward(weights_, lit.lightCount, batch.network);
+            if (residualOn_ || weights_.share) sssBatchForward(weights_, lit.lightCount, batch.network);
             for (int lane = 0; lane < lanes; ++lane) {
                 const size_t splat = first + size_t(lane);
                 const uint32_t v = view.visibleFromSplat[splat];
@@ -136,7 +136,7 @@ public:
                     const int row = l * kSssLanes + lane;
                     float* to = out + v * stride + kSssSurfaceChannels + kSssLightChannels * l;
                     to[kSssIncident] =
-                        batch.network.light[row][kSssVisibilityInput] * (shareOn_ ? batch.network.share[row] : 1.0f);
+                        batch.network.light[row][kSssVisibilityInput] * (weights_.share ? batch.network.share[row] : 1.0f);
                     for (int c = 0; c < 3; ++c)
                         to[kSssScattered + c] = residualOn_ ? scatter * batch.falloff[row] * lit.lights[l].intensity[c] *
                                                                   batch.network.residual[row][c]
@@ -162,7 +162,7 @@ public:
     void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dChannels) override
     {
         const size_t stride = size_t(channelStride(channels(lit.lightCount)));
-        const bool network = residualOn_ || shareOn_;
+        const bool network = residualOn_ || weights_.share;
         if (network) dWeights_.assign(kRanges * kSssWeights, 0.0f);
         const AdamRate adam{rate_, correction1_, correction2_};
         const float sharePull = pull(kSharePull) / float(count() * size_t(lit.lightCount));
@@ -181,7 +181,7 @@ public:
                     const int row = l * kSssLanes + lane;
                     const float* d =
                         dChannels + view.visibleFromSplat[splat] * stride + kSssSurfaceChannels + kSssLightChannels * l;
-                    if (shareOn_)
+                    if (weights_.share)
                         batch.network.dShare[row] = d[kSssIncident] * batch.network.light[row][kSssVisibilityInput] +
                                                     sharePull * (batch.network.share[row] - 1);
                     for (int c = 0; c < 3 && residualOn_; ++c) {
@@ -206,7 +206,7 @@ public:
     {
         std::vector<OptionalPart> parts;
         if (residualOn_) parts.push_back({"residual", kPartsJudgedAt, kResidualWorth});
-        if (shareOn_) parts.push_back({"share", kPartsJudgedAt, kShareWorth});
+        if (weights_.share) parts.push_back({"share", kPartsJudgedAt, kShareWorth});
         if (!visibility_.empty()) parts.push_back({"visibility", kPartsJudgedAt, kVisibilityWorth});
         return parts;
     }
@@ -214,7 +214,7 @@ public:
     void leaveOut(const std::string& part, std::span<const uint8_t>) override
     {
         if (part == "residual") residualOn_ = false;
-        if (part == "share") shareOn_ = false;
+        if (part == "share") weights_.share = false;
         if (part == "visibility") visibilityOn_ = false, visibility_.clear();
     }
 
@@ -231,7 +231,7 @@ public:
         }
         std::vector<Channel> channels{std::move(base), std::move(material), std::move(normal)};
         if (!visibility_.empty()) channels.push_back({"visibility", kVisibilityTexels, {}, visibility_});
-        if (residualOn_ || shareOn_) channels.push_back(exportNetwork());
+        if (residualOn_ || weights_.share) channels.push_back(exportNetwork());
         return channels;
     }
 
@@ -240,7 +240,7 @@ public:
         out.array(row_), out.array(momentum_), out.array(second_), out.array(visibility_);
         out.array(weights_.value), out.array(networkMomentum_), out.array(networkSecond_);
         out.array(std::vector<float>(frame_, frame_ + 4));
-        out.value(int32_t(renewed_)), out.value(uint8_t(residualOn_ | shareOn_ << 1 | visibilityOn_ << 2));
+        out.value(int32_t(renewed_)), out.value(uint8_t(residualOn_ | weights_.share << 1 | visibilityOn_ << 2));
     }
 
     bool load(ByteReader& in) override
@@ -251,7 +251,7 @@ public:
         in.array(frame);
         renewed_ = in.value<int32_t>();
         const uint8_t parts = in.value<uint8_t>();
-        residualOn_ = parts & 1, shareOn_ = parts & 2, visibilityOn_ = parts & 4;
+        residualOn_ = parts & 1, weights_.share = parts & 2, visibilityOn_ = parts & 4;
         const size_t n = row_.size();
         if (in.failed || momentum_.size() != n || second_.size() != n ||
             (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) || weights_.value.size() != kSssWeights ||
@@ -331,7 +331,7 @@ private:
     Channel exportNetwork() const
     {
         std::vector<float> values(weights_.value.begin(), weights_.value.end());
-        if (!shareOn_) std::fill_n(values.begin() + kSssShareOut, kSssHiddenShare + 1, 0.0f);
+        if (!weights_.share) std::fill_n(values.begin() + kSssShareOut, kSssHiddenShare + 1, 0.0f);
         values.insert(values.end(), frame_, frame_ + 4);
         return {"network", uint32_t(kSssNetworkFloats), std::move(values), {}, true};
     }
@@ -432,7 +432,7 @@ private:
     AlignedVector<Batch> batches_;
     float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
     Row start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
-    bool residualOn_ = true, shareOn_ = true, visibilityOn_ = true;
+    bool residualOn_ = true, visibilityOn_ = true;
     SssWeights weights_;
     std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;
     int renewed_ = 0;

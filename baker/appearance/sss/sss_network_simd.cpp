@@ -9,6 +9,7 @@
 #include "appearance/sss/sss_network_simd.h"
 #include "render/simd_math-inl.h"
 
+#include <algorithm>
 #include <cstring>
 
 HWY_BEFORE_NAMESPACE();
@@ -153,28 +154,23 @@ void batchForward(const SssWeights& w, int lights, SssBatch& b)
     leaky(b.h3[0], rows * kSssHidden3);
     narrowProduct<kSssHidden3, 3>(b.h3[0], value + kSssResidual, value + kSssResidualBias, rows, b.residual[0]);
     logistic(b.residual[0], rows * 3, 1.0f);
+    if (!w.share) return void(std::fill_n(b.share, rows, 1.0f));
     product<kSssHidden3, kSssHiddenShare, kBias>(b.h3[0], kSssHidden3, m + kSssShare, value + kSssShareBias, rows, b.hs[0]);
     leaky(b.hs[0], rows * kSssHiddenShare);
     narrowProduct<kSssHiddenShare, 1>(b.hs[0], value + kSssShareOut, value + kSssShareOutBias, rows, b.share);
     logistic(b.share, rows, 2.0f);
 }
 
-void batchBackward(const SssWeights& w, int lights, const SssBatch& b, float* dW)
+// dShare -> d3, the gradient of the third layer's outputs.
+void shareBackward(const SssWeights& w, int rows, const SssBatch& b, float* d3, float* dW)
 {
     const D d;
-    const float* m = w.value.data(); // [out][in] is what the gradient of the inputs needs
-    const int rows = lights * kSssLanes;
-    alignas(64) float d1[kSssRows * kSssHidden1], d2[kSssRows * kSssHidden2], d3[kSssRows * kSssHidden3],
-        ds[kSssRows * kSssHiddenShare];
-    alignas(64) float dr[kSssRows * 3], dOut[kSssRows], dFirst[kSssLanes * kSssHidden1];
+    const float* m = w.value.data();
+    alignas(64) float dOut[kSssRows], ds[kSssRows * kSssHiddenShare];
     for (int k = 0; k < rows; k += kN) {
         const V s = hn::Load(d, b.share + k);
         hn::Store(hn::Mul(hn::Mul(hn::Load(d, b.dShare + k), s), hn::NegMulAdd(hn::Set(d, 0.5f), s, hn::Set(d, 1.0f))), d,
                   dOut + k);
-    }
-    for (int k = 0; k < 3 * rows; k += kN) {
-        const V r = hn::Load(d, b.residual[0] + k);
-        hn::Store(hn::Mul(hn::Mul(hn::Load(d, b.dResidual[0] + k), r), hn::Sub(hn::Set(d, 1.0f), r)), d, dr + k);
     }
     outerProduct<kSssHiddenShare, 1>(dOut, b.hs[0], kSssHiddenShare, rows, dW + kSssShareOut),
         sumRows<1>(dOut, rows, dW + kSssShareOutBias);
@@ -183,6 +179,21 @@ void batchBackward(const SssWeights& w, int lights, const SssBatch& b, float* dW
     outerProduct<kSssHidden3, kSssHiddenShare>(ds, b.h3[0], kSssHidden3, rows, dW + kSssShare),
         sumRows<kSssHiddenShare>(ds, rows, dW + kSssShareBias);
     product<kSssHiddenShare, kSssHidden3, kZero>(ds, kSssHiddenShare, m + kSssShare, nullptr, rows, d3);
+}
+
+void batchBackward(const SssWeights& w, int lights, const SssBatch& b, float* dW)
+{
+    const D d;
+    const float* m = w.value.data(); // [out][in] is what the gradient of the inputs needs
+    const int rows = lights * kSssLanes;
+    alignas(64) float d1[kSssRows * kSssHidden1], d2[kSssRows * kSssHidden2], d3[kSssRows * kSssHidden3];
+    alignas(64) float dr[kSssRows * 3], dFirst[kSssLanes * kSssHidden1];
+    for (int k = 0; k < 3 * rows; k += kN) {
+        const V r = hn::Load(d, b.residual[0] + k);
+        hn::Store(hn::Mul(hn::Mul(hn::Load(d, b.dResidual[0] + k), r), hn::Sub(hn::Set(d, 1.0f), r)), d, dr + k);
+    }
+    if (w.share) shareBackward(w, rows, b, d3, dW);
+    else std::fill_n(d3, rows * kSssHidden3, 0.0f);
     outerProduct<kSssHidden3, 3>(dr, b.h3[0], kSssHidden3, rows, dW + kSssResidual), sumRows<3>(dr, rows, dW + kSssResidualBias);
     product<3, kSssHidden3, kAdd>(dr, 3, m + kSssResidual, nullptr, rows, d3);
     leakyBackward(b.h3[0], d3, rows * kSssHidden3);

@@ -20,6 +20,7 @@ constexpr int kSssFixedStride = (kSssFixedInputs + 7) / 8 * 8; // whole vectors;
 /// Weights as they are stored, and each matrix transposed for the forward pass.
 struct SssWeights {
     AlignedVector<float> value, transposed; // [kSssWeights]
+    bool share = true;                      // false: that head is not evaluated, the share is 1
     SssWeights() : value(kSssWeights), transposed(kSssWeights) {}
     /// After `value` has changed.
     void transpose();

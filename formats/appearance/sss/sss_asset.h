@@ -12,6 +12,8 @@
 #include "appearance/visibility_map.h"
 #include "splats/splat_asset.h"
 
+#include <algorithm>
+
 namespace nacre {
 
 constexpr int kSssFrame = kSssWeights; // centre x, y, z, 1 / half-size
@@ -46,6 +48,12 @@ public:
     }
     const float* network() const { return network_ ? network_->values.data() : nullptr; }
     bool scatters() const { return network_ && material_->components > 2; }
+    /// Whether the network says how much of the light arrives, not only what the map lets through: weights of 0 always answer 1.
+    bool shares() const
+    {
+        const auto zero = [](float w) { return w == 0.0f; };
+        return network_ && !std::all_of(network() + kSssShareOut, network() + kSssShareOutBias + 1, zero);
+    }
 
     /// Of the first layer of the network, what light and view do not change: first[kSssHidden1].
     void firstLayer(size_t splat, float* first) const
