@@ -62,7 +62,7 @@ public:
             const LightSample<float> l = sampleLight(lights[t], pixel.point);
             const SssReflection<float> o = sssReflect(pixel.surface, pixel.wo, l.dir, highlightWidening(lights[t]));
             const float own[kSssLightChannels] = {g[size_t(kShares) + t], 0, 0, 0};
-            for (int c = 0; c < 3; ++c) rgb[c] += sssRadiance(pixel, own, lights[t].intensity[c] * l.falloff, o.value[c], c);
+            for (int c = 0; c < 3; ++c) rgb[c] += sssRadiance(own, lights[t].intensity[c] * l.falloff, o.value[c], c);
         }
     }
 

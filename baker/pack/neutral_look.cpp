@@ -153,7 +153,7 @@ void sampleBigs(const BigsCoefficients<float>& g, std::span<const Incident> inci
 void sampleSss(const SssChannels& channels, size_t splat, std::span<const Incident> incidents, const ViewSamples& views, Radiance& radiance)
 {
     const SssMaterial m = channels.material(splat);
-    SssSurface<float> surface{{m.base[0], m.base[1], m.base[2]}, m.roughness, m.metalness, {m.normal[0], m.normal[1], m.normal[2]}};
+    SssSurface<float> surface{{m.base[0], m.base[1], m.base[2]}, m.roughness, m.metalness, {m.normal[0], m.normal[1], m.normal[2]}, 1 - m.subsurface};
     radiance.fill(glm::dvec3(0.0));
     float first[kSssHidden1];
     if (channels.network()) channels.firstLayer(splat, first);
@@ -171,7 +171,7 @@ void sampleSss(const SssChannels& channels, size_t splat, std::span<const Incide
         for (size_t k = 0; k < kDirections; ++k) {
             const SssReflection<float> o = sssReflect(surface, views.toCamera[k].data(), w);
             const glm::dvec3 reflected(o.value[0], o.value[1], o.value[2]);
-            radiance[k] += glm::dvec3(light.irradiance) * ((1.0 - m.subsurface) * share * reflected + scattered);
+            radiance[k] += glm::dvec3(light.irradiance) * (double(share) * reflected + scattered);
         }
     }
 }

@@ -39,17 +39,15 @@ void main()
     float normalLength = length(normal), perAlpha = alpha > MIN_PIXEL_ALPHA ? 1.0 / alpha : 0.0;
     if (normalLength * perAlpha > MIN_NORMAL) {
         vec3 material = layer(3).xyz * perAlpha;
-        SssSurface surface = SssSurface(layer(2).rgb * perAlpha, material.x, material.y, normal / normalLength);
+        SssSurface surface = SssSurface(layer(2).rgb * perAlpha, material.x, material.y, normal / normalLength, 1.0 - material.z);
         vec3 ray = normalize(uRayOrigin + gl_FragCoord.x * uRayRight + gl_FragCoord.y * uRayUp);
         vec3 point = uEye + (uDepthOrigin + layer(4).x * perAlpha) * ray;
-        vec3 reflected = vec3(0.0);
         for (int t = 0; t < LIGHTS; ++t) {
             if (uFirstLight + t >= uLightCount) break;
             vec4 s = sampleLight(texelFetch(uLights, ivec2(uFirstLight + t, 0), 0), point, uWorldScale2);
             vec4 intensity = texelFetch(uLights, ivec2(uFirstLight + t, 1), 0);
-            reflected += incidentShare(t) * s.w * intensity.rgb * sssReflect(surface, -ray, s.xyz, intensity.w);
+            color += incidentShare(t) * s.w * intensity.rgb * sssReflect(surface, -ray, s.xyz, intensity.w);
         }
-        color += (1.0 - material.z) * reflected;
     }
     outColor = vec4(min(color, uMaxColor * alpha), EXTRA == 1 ? 0.0 : alpha);
 }

@@ -34,7 +34,8 @@ Case randomCase(Random& random)
 {
     Case x{};
     for (int c = 0; c < 3; ++c) x.surface.base[c] = random.uniform(), x.weights[c] = 2 * random.uniform() - 1;
-    x.surface.roughness = 0.1 + 0.85 * random.uniform(), x.surface.metalness = random.uniform();
+    x.surface.roughness = 0.1 + 0.85 * random.uniform(), x.surface.metalness = random.uniform(),
+    x.surface.diffuse = random.uniform();
     const glm::dvec3 n = direction(random), o = direction(random), i = direction(random);
     for (int c = 0; c < 3; ++c) x.surface.normal[c] = n[c], x.wo[c] = o[c], x.wi[c] = i[c];
     return x;
@@ -75,6 +76,7 @@ TEST_CASE("sss: the gradient of a pixel's reflection is that of finite differenc
         };
         check(d.roughness, [](Case& c) -> double& { return c.surface.roughness; });
         check(d.metalness, [](Case& c) -> double& { return c.surface.metalness; });
+        check(d.diffuse, [](Case& c) -> double& { return c.surface.diffuse; });
         for (int k = 0; k < 3; ++k) {
             check(d.base[k], [k](Case& c) -> double& { return c.surface.base[k]; });
             check(d.normal[k], [k](Case& c) -> double& { return c.surface.normal[k]; });
@@ -209,7 +211,7 @@ double shown(const PixelCase& x) // weighted sum over lights and channels
         const SssLightAt<double> at = sssPointLightAt(x.light[l], 0.01, pixel.point);
         const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.wi);
         for (int c = 0; c < 3; ++c)
-            sum += x.weight[l][c] * sssRadiance(pixel, x.channels[l], x.intensity[l][c] * at.falloff, o.value[c], c);
+            sum += x.weight[l][c] * sssRadiance(x.channels[l], x.intensity[l][c] * at.falloff, o.value[c], c);
     }
     return sum;
 }
@@ -256,8 +258,8 @@ TEST_CASE("sss: a pixel of no alpha, or whose normals cancel, shows scattered li
                     intensity[3] = {1, 1, 1};
         const SssPixel<float> pixel = sssPixel(g, alpha, eye, ray);
         CHECK(pixel.inverseLength == 0);
-        CHECK(sssRadiance(pixel, light, 1.0f, 1e30f, 1) == 0.2f);
         const SssLightAt<float> at = sssPointLightAt(eye, 0.01f, pixel.point);
+        CHECK(sssRadiance(light, 1e30f, sssReflect(pixel.surface, pixel.wo, at.wi).value[1], 1) == 0.2f);
         SssPixelGradient<float> d;
         float dLight[kSssLightChannels], dG[kSssSurfaceChannels], dAlpha;
         sssPixelLightBackward(pixel, light, at, 0.01f, intensity, sssReflect(pixel.surface, pixel.wo, at.wi), intensity, dLight,
@@ -298,7 +300,7 @@ ScalarPixel resolveScalar(const PixelRays& rays, const LitView& lit, int x, int 
         if (light.type == LightType::kPoint) at = sssPointLightAt(position, radius, pixel.point);
         const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.wi);
         const int own = kSssSurfaceChannels + kSssLightChannels * l;
-        for (int c = 0; c < 3; ++c) out.image[3 * l + c] = sssRadiance(pixel, channels + own, intensity[c] * at.falloff, o.value[c], c);
+        for (int c = 0; c < 3; ++c) out.image[3 * l + c] = sssRadiance(channels + own, intensity[c] * at.falloff, o.value[c], c);
         sssPixelLightBackward(pixel, channels + own, at, radius, intensity, o, dImage + 3 * l, out.dPlanes + own, gradient);
     }
     sssPixelBackward(pixel, channels, ray, gradient, out.dPlanes, &out.dPlanes[kChannels]);

@@ -7,7 +7,7 @@ namespace nacre {
 
 /// Gradient with respect to the surface and to the two directions (as free vectors: project before use on the sphere).
 template <class T> struct SssReflectGradient {
-    T base[3] = {}, roughness = T(0), metalness = T(0), normal[3] = {}, wo[3] = {}, wi[3] = {};
+    T base[3] = {}, roughness = T(0), metalness = T(0), normal[3] = {}, diffuse = T(0), wo[3] = {}, wi[3] = {};
 };
 
 /// Adds the gradient of sum_c dValue[c] * value[c] to `d`. `o` from sssReflect of the same arguments. Clamps pass no gradient.
@@ -19,13 +19,15 @@ NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, con
     const T lit = select(o.nl > zero, one, zero); // from behind: zero, and flat
     T dSpecular = zero, dP = zero, dNl = zero; // of D * vis; of Schlick's power
     for (int c = 0; c < 3; ++c) {
-        const T g = dValue[c] * o.nl, lambert = (one - s.metalness) * s.base[c] * inversePi;
+        const T g = dValue[c] * o.nl, entering = (one - s.metalness) * s.base[c] * inversePi, lambert = entering * s.diffuse;
         dNl += dValue[c] * lit * ((one - o.fresnel[c]) * lambert + o.d * o.vis * o.fresnel[c]);
         dSpecular += g * o.fresnel[c];
         const T dFresnel = g * (o.d * o.vis - lambert), dF0 = dFresnel * (one - o.p);
         dP += dFresnel * (one - o.f0[c]);
-        d.base[c] += dF0 * s.metalness + g * (one - o.fresnel[c]) * (one - s.metalness) * inversePi;
-        d.metalness += dF0 * (s.base[c] - T(kSssDielectricF0)) - g * (one - o.fresnel[c]) * s.base[c] * inversePi;
+        const T dEntering = g * (one - o.fresnel[c]) * s.diffuse * inversePi;
+        d.base[c] += dF0 * s.metalness + dEntering * (one - s.metalness);
+        d.metalness += dF0 * (s.base[c] - T(kSssDielectricF0)) - dEntering * s.base[c];
+        d.diffuse += g * (one - o.fresnel[c]) * entering;
     }
     const T dD = dSpecular * o.vis, dVis = dSpecular * o.d;
     const T dA2 = dD * (o.d / o.a2 - T(2) * o.d * o.nh * o.nh * o.inverseQ);
@@ -67,7 +69,7 @@ NACRE_HD inline void sssPointLightBackward(const SssLightAt<T>& o, T radius, con
 /// Gradient with respect to a pixel's channels, gathered over its lights.
 template <class T> struct SssPixelGradient {
     SssReflectGradient<T> surface;
-    T direct = T(0), point[3] = {};
+    T point[3] = {};
 };
 
 /// One point light (`intensity` rgb). dImage: gradient of the radiance times alpha. Writes dLight [4], adds to `d`.
@@ -77,19 +79,18 @@ NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* ch
                                            SssPixelGradient<T>& d)
 {
     for (int c = 0; c < 3; ++c) dLight[kSssScattered + c] = dImage[c];
-    T dValue[3], sum = T(0); // sum: gradient with respect to direct * incident * falloff
-    const T factor = pixel.direct * channels[kSssIncident] * at.falloff;
+    T dValue[3], sum = T(0); // sum: gradient with respect to incident * falloff
+    const T factor = channels[kSssIncident] * at.falloff;
     for (int c = 0; c < 3; ++c) {
         dValue[c] = dImage[c] * intensity[c] * factor;
         sum += dImage[c] * intensity[c] * o.value[c];
     }
-    dLight[kSssIncident] = sum * pixel.direct * at.falloff;
-    d.direct += sum * channels[kSssIncident] * at.falloff;
+    dLight[kSssIncident] = sum * at.falloff;
     SssReflectGradient<T> here;
     sssReflectBackward(pixel.surface, pixel.wo, at.wi, o, dValue, here);
-    sssPointLightBackward(at, radius, here.wi, sum * pixel.direct * channels[kSssIncident], d.point);
+    sssPointLightBackward(at, radius, here.wi, sum * channels[kSssIncident], d.point);
     for (int c = 0; c < 3; ++c) d.surface.base[c] += here.base[c], d.surface.normal[c] += here.normal[c];
-    d.surface.roughness += here.roughness, d.surface.metalness += here.metalness;
+    d.surface.roughness += here.roughness, d.surface.metalness += here.metalness, d.surface.diffuse += here.diffuse;
 }
 
 /// After all lights: overwrites dG [10] and dAlpha, the gradient with respect to the blended channels. `ray` as for sssPixel.
@@ -105,7 +106,7 @@ NACRE_HD inline void sssPixelBackward(const SssPixel<T>& pixel, const T* g, cons
         divided(kSssBase + c, d.surface.base[c]);
     }
     divided(kSssRoughness, d.surface.roughness), divided(kSssMetalness, d.surface.metalness);
-    divided(kSssSubsurface, -d.direct), divided(kSssDepth, dDepth);
+    divided(kSssSubsurface, -d.surface.diffuse), divided(kSssDepth, dDepth);
     *dAlpha = -dInverse * pixel.inverseAlpha * pixel.inverseAlpha;
 }
 

@@ -113,7 +113,7 @@ void sssResolve(const PixelRays& rays, const LitView& lit, const float* planes, 
             const SssReflection<Lanes> o = sssReflect(group->pixel.surface, group->pixel.wo, to.wi);
             const Lanes* own = group->channels + kSssSurfaceChannels + kSssLightChannels * l;
             for (int c = 0; c < 3; ++c)
-                sssRadiance(group->pixel, own, light.intensity[c] * to.falloff, o.value[c], c)
+                sssRadiance(own, light.intensity[c] * to.falloff, o.value[c], c)
                     .store(out + size_t(c) * pixels, count);
         }
     });

@@ -4,6 +4,7 @@ struct SssSurface {
     vec3 base;
     float roughness, metalness;
     vec3 normal;
+    float diffuse;
 };
 
 // sssReflect: f(w_i, w_o) * max(n.w_i, 0).
@@ -23,6 +24,6 @@ vec3 sssReflect(SssSurface s, vec3 wo, vec3 wi, float widening)
     float m = 1.0 - vh;
     vec3 f0 = DIELECTRIC_F0 * (1.0 - s.metalness) + s.base * s.metalness;
     vec3 fresnel = f0 + (1.0 - f0) * (m * m * m * m * m);
-    vec3 diffuse = (1.0 - fresnel) * (1.0 - s.metalness) * s.base / 3.14159265358979;
+    vec3 diffuse = (1.0 - fresnel) * (1.0 - s.metalness) * s.diffuse * s.base / 3.14159265358979;
     return (diffuse + d * masking * fresnel) * nl;
 }

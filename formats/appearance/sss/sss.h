@@ -1,13 +1,13 @@
 // sss: deferred PBR with a learned subsurface term (SSS-GS, eq. 4 to 8). The scalar reference of what a pixel shades. Host and device.
 //
-//   L = sum_t ( S_t + alpha * E_t * (1 - s) * V_t * f(w_t, w_o) * max(n.w_t, 0) )
+//   L = sum_t ( S_t + alpha * E_t * V_t * f(w_t, w_o) * max(n.w_t, 0) )
 //
 // Splats are blended into a G-buffer first: base colour, roughness, metalness, normal, subsurfaceness s and depth once per view, and per
 // light the incident share V_t and the scattered light S_t, the sum of what the network gives each Gaussian (s_i E_i R_i). All but S_t are
 // divided by the accumulated alpha before they mean anything; E_t is the irradiance of light t at the pixel's surface point (intensity /
 // distance^2).
 // f is GGX with alpha = roughness^2, Schlick's Fresnel term, Smith-Schlick masking with k = (roughness + 1)^2 / 8 and a diffuse part
-// (1 - F)(1 - metalness) base / pi. Linear in light: V_t and R_t are ratios that do not know the light's intensity.
+// (1 - F)(1 - metalness)(1 - s) base / pi. The paper takes 1 - s of highlights too; but they never enter the surface. Linear in light: V_t and R_t are ratios that do not know the light's intensity.
 //
 // Without branches, so that T can be a number or a vector of them (render/lanes.h of the baker). What has no value is 0 and adds nothing.
 #pragma once
@@ -32,6 +32,7 @@ struct SssSurface {
     T roughness;   // [0, 1]
     T metalness;   // [0, 1]
     T normal[3];   // unit
+    T diffuse = T(1); // 1 - subsurfaceness: of what enters the surface, that part leaves where it entered
 };
 
 /// Intermediate values of sssReflect, for its gradient.
@@ -76,7 +77,7 @@ NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo,
     for (int c = 0; c < 3; ++c) {
         o.f0[c] = T(kSssDielectricF0) * (one - s.metalness) + s.base[c] * s.metalness;
         o.fresnel[c] = o.f0[c] + (one - o.f0[c]) * o.p;
-        const T diffuse = (one - o.fresnel[c]) * (one - s.metalness) * s.base[c] * T(kSssInversePi);
+        const T diffuse = (one - o.fresnel[c]) * (one - s.metalness) * s.diffuse * s.base[c] * T(kSssInversePi);
         o.value[c] = (diffuse + o.d * o.vis * o.fresnel[c]) * o.nl;
     }
     return o;
@@ -114,8 +115,7 @@ template <class T>
 struct SssPixel {
     SssSurface<T> surface;
     T inverseAlpha;
-    T inverseLength; // of the blended normal; 0: too faint, or its normals cancel, and only scattered light is seen
-    T direct;        // 1 - subsurfaceness
+    T inverseLength; // of the blended normal; 0: too faint, or its normals cancel: the normal is 0, and only scattered light is seen
     T wo[3], point[3];
 };
 
@@ -135,15 +135,15 @@ NACRE_HD inline SssPixel<T> sssPixel(const T* g, T alpha, const T* eye, const T*
         o.wo[c] = -ray[c] * inverseRay, o.point[c] = eye[c] + depth * ray[c];
     }
     o.surface.roughness = g[kSssRoughness] * o.inverseAlpha, o.surface.metalness = g[kSssMetalness] * o.inverseAlpha;
-    o.direct = select(o.inverseLength > zero, one - g[kSssSubsurface] * o.inverseAlpha, zero);
+    o.surface.diffuse = one - g[kSssSubsurface] * o.inverseAlpha;
     return o;
 }
 
 /// Radiance of one light times alpha, one channel: what the image shows. `irradiance`: intensity * falloff; reflected: sssReflect.
 template <class T>
-NACRE_HD inline T sssRadiance(const SssPixel<T>& pixel, const T* light, T irradiance, T reflected, int c)
+NACRE_HD inline T sssRadiance(const T* light, T irradiance, T reflected, int c)
 {
-    return light[kSssScattered + c] + pixel.direct * light[kSssIncident] * irradiance * reflected;
+    return light[kSssScattered + c] + light[kSssIncident] * irradiance * reflected;
 }
 
 } // namespace nacre
