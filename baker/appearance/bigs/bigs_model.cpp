@@ -102,16 +102,12 @@ public:
     void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) override
     {
         const int due = int(std::upper_bound(std::begin(kVisibilityAt), std::end(kVisibilityAt), progress) - std::begin(kVisibilityAt));
-        if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > visibilityRenewed_ && progress < kNormalsUntil))) findNormals(geometry);
+        if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > renewed_ && progress < kNormalsUntil))) findNormals(geometry);
         bands_.lobe = lobeOn_ && normalsKnown_;
-        if (visibilityOn_ && due > visibilityRenewed_) {
-            parameters_.visibility = lightVisibility(geometry, kVisibilitySize, kVisibilityOversample);
-            visibilityRenewed_ = due;
-        }
-        if (!visibilityOn_ && visibilityRenewed_ == 0 && progress >= kTransportStart) {
-            startTransport(geometry);
-            visibilityRenewed_ = 1;
-        }
+        if (visibilityOn_ && due > renewed_) parameters_.visibility = lightVisibility(geometry, kVisibilitySize, kVisibilityOversample);
+        renewed_ = due;
+        if (!visibilityOn_ && !transportStarted_ && progress >= kTransportStart) startTransport(geometry);
+        transportStarted_ = progress >= kTransportStart;
         const int degree = std::min(4, int(progress / kBandEvery));
         bands_.direct = bands_.indirect = functionsOfDegree(degree);
         bands_.scatter = progress < kScatterStart
@@ -183,7 +179,7 @@ public:
         out.value(uint64_t(parameters_.count));
         out.array(parameters_.value), out.array(parameters_.momentum), out.array(parameters_.secondMoment), out.array(parameters_.visibility);
         out.array(parameters_.scatters);
-        out.value(normalsKnown_), out.value(lobeOn_), out.value(visibilityOn_), out.value(int32_t(visibilityRenewed_));
+        out.value(normalsKnown_), out.value(lobeOn_), out.value(visibilityOn_), out.value(transportStarted_), out.value(int32_t(renewed_));
         shared_.save(out);
         out.array(neighbours_);
     }
@@ -195,7 +191,7 @@ public:
         if (p.sFunctions != scatterFunctions_ && p.sFunctions != 0) return false; // 0: left out
         p.count = in.value<uint64_t>();
         in.array(p.value), in.array(p.momentum), in.array(p.secondMoment), in.array(p.visibility), in.array(p.scatters);
-        normalsKnown_ = in.value<bool>(), lobeOn_ = in.value<bool>(), visibilityOn_ = in.value<bool>(), visibilityRenewed_ = in.value<int32_t>();
+        normalsKnown_ = in.value<bool>(), lobeOn_ = in.value<bool>(), visibilityOn_ = in.value<bool>(), transportStarted_ = in.value<bool>(), renewed_ = in.value<int32_t>();
         if (!shared_.load(in, p.count)) return false;
         std::vector<uint32_t> neighbours;
         in.array(neighbours);
@@ -284,7 +280,8 @@ private:
     std::vector<uint32_t> neighbours_;  // splatNeighbours; empty: splats have changed places
     std::vector<float> shareScratch_;
     bool normalsKnown_ = false, lobeOn_ = true, visibilityOn_ = true, sharing_ = true, scheduled_ = true;
-    int visibilityRenewed_ = 0;         // how many of kVisibilityAt are done
+    bool transportStarted_ = false;     // T_dir has its start
+    int renewed_ = 0;                   // how many of kVisibilityAt are done
     BigsBands bands_;
     BigsUpdate update_;
     BigsRandomLight random_;
