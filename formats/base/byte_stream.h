@@ -45,7 +45,7 @@ public:
     {
         static_assert(std::is_trivially_copyable_v<T>);
         T x{};
-        if (failed || remaining() < sizeof(T)) {
+        if (failed || remaining() < sizeof(T) || (std::is_same_v<T, bool> && std::to_integer<int>(bytes_[offset_]) > 1)) {
             failed = true;
             return x;
         }

@@ -222,7 +222,7 @@ expect 1 "" bash -c 'ulimit -f 16; exec "$@"' _ "${bake[@]}" -o full/a.glb --ite
 
 # Stopped in training (later and later, until a checkpoint shows that training had begun), then resumed: the same bytes.
 expect 0 "" "${bake[@]}" -o two/long.glb --iterations 400
-for delay in 0.5 1 2 4 8; do
+for delay in 0.3 0.4 0.5 0.6 0.8 1 1.2 1.5 1.9 2.4 3 3.8 4.7 5.9 7.4 9.3 12 15; do
     "${bake[@]}" -o stop/a.glb --iterations 400 >stdout.txt 2>stderr.txt &
     job=$!
     sleep $delay

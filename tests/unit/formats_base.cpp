@@ -1,6 +1,7 @@
 // Files, the border check of assets, and the spherical-harmonic basis.
 #include "formats_fixtures.h"
 
+#include "base/byte_stream.h"
 #include "base/file.h"
 #include "appearance/bigs/bigs.h"
 #include "appearance/sss/sss.h"
@@ -405,4 +406,15 @@ TEST_CASE("a wide light makes highlights wider and fainter: their integral stays
     const double up[3] = {0, 0, 1};
     CHECK(std::isfinite(sssReflect(surface, up, up, 9.0).value[0])); // no wider than rough
     CHECK(bigsLobe(lobe, up, up, 9.0) == doctest::Approx(alpha2));
+}
+
+TEST_CASE("a byte that is neither true nor false is an error, not a bool")
+{
+    for (const int byte : {0, 1, 2, 64, 255}) {
+        const std::byte stored[] = {std::byte(byte)};
+        ByteReader in(stored);
+        const bool value = in.value<bool>();
+        CHECK(in.failed == (byte > 1));
+        CHECK(value == (byte == 1));
+    }
 }
