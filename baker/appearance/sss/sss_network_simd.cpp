@@ -154,7 +154,10 @@ void batchForward(const SssWeights& w, int lights, SssBatch& b)
     leaky(b.h3[0], rows * kSssHidden3);
     narrowProduct<kSssHidden3, 3>(b.h3[0], value + kSssResidual, value + kSssResidualBias, rows, b.residual[0]);
     logistic(b.residual[0], rows * 3, 1.0f);
-    if (!w.share) return void(std::fill_n(b.share, rows, 1.0f));
+    if (!w.share) {
+        std::fill_n(b.share, rows, 1.0f);
+        return;
+    }
     product<kSssHidden3, kSssHiddenShare, kBias>(b.h3[0], kSssHidden3, m + kSssShare, value + kSssShareBias, rows, b.hs[0]);
     leaky(b.hs[0], rows * kSssHiddenShare);
     narrowProduct<kSssHiddenShare, 1>(b.hs[0], value + kSssShareOut, value + kSssShareOutBias, rows, b.share);
