@@ -180,6 +180,8 @@ public:
         out.array(parameters_.value), out.array(parameters_.momentum), out.array(parameters_.secondMoment), out.array(parameters_.visibility);
         out.array(parameters_.scatters);
         out.value(normalsKnown_), out.value(lobeOn_), out.value(visibilityOn_), out.value(transportStarted_), out.value(int32_t(renewed_));
+        for (int functions : {bands_.direct, bands_.indirect, bands_.scatter}) out.value(int32_t(functions)); // a view may be drawn before the next step
+        out.value(bands_.lobe);
         shared_.save(out);
         out.array(neighbours_);
     }
@@ -192,6 +194,11 @@ public:
         p.count = in.value<uint64_t>();
         in.array(p.value), in.array(p.momentum), in.array(p.secondMoment), in.array(p.visibility), in.array(p.scatters);
         normalsKnown_ = in.value<bool>(), lobeOn_ = in.value<bool>(), visibilityOn_ = in.value<bool>(), transportStarted_ = in.value<bool>(), renewed_ = in.value<int32_t>();
+        BigsBands bands;
+        for (int* functions : {&bands.direct, &bands.indirect, &bands.scatter}) *functions = in.value<int32_t>();
+        bands.lobe = in.value<bool>();
+        const auto in25 = [](int functions, int least) { return functions >= least && functions <= 25; };
+        if (!in25(bands.direct, 1) || !in25(bands.indirect, 1) || !in25(bands.scatter, 0) || bands.scatter > p.sFunctions) return false;
         if (!shared_.load(in, p.count)) return false;
         std::vector<uint32_t> neighbours;
         in.array(neighbours);
@@ -202,7 +209,7 @@ public:
         if (in.failed || p.value.size() != floats || p.momentum.size() != floats || p.secondMoment.size() != p.blocks() * kBigsGroups * kLanes16 ||
             (!p.visibility.empty() && p.visibility.size() != p.count * kVisibilityTexels) || (!p.scatters.empty() && p.scatters.size() != p.count))
             return false;
-        parameters_ = std::move(p), neighbours_ = std::move(neighbours);
+        parameters_ = std::move(p), neighbours_ = std::move(neighbours), bands_ = bands;
         return true;
     }
 
