@@ -1,7 +1,8 @@
 // One splat of the G-buffer (projection: project.glsl): what its surface is, or, with EXTRA, only how much of further lights arrives.
 // Layers hold three numbers each, with the splat's alpha in the fourth (sss_gbuffer.frag.glsl).
 uniform sampler2D uScattered;
-uniform sampler2D uLit;       // slot t: alpha is the incident share of light t
+uniform sampler2DArray uLit;  // see litTexel; alpha is the incident share
+uniform int uLanes;
 uniform vec3 uCameraAsset;
 uniform float uDepthOrigin;   // depth is stored relative to it: half floats are finest around zero
 uniform int uFirstLight;      // of those that the incident layers hold
@@ -10,7 +11,7 @@ uniform int uLightCount;      // of all
 flat out float vOpacity;
 flat out vec3 vLayer[LAYERS];
 
-float incident(ivec2 splat, int t) { return t < uLightCount ? texelFetch(uLit, slotTexel(splat, t), 0).a : 0.0; }
+float incident(ivec2 splat, int t) { return t < uLightCount ? texelFetch(uLit, litTexel(splat, t, uLanes), 0).a : 0.0; }
 
 void main()
 {

@@ -83,6 +83,8 @@ Failure compile(const Gl& gl, const char* what, const std::string& vertexSource,
     p->lowPass = at("uLowPass");
     p->maxColor = at("uMaxColor");
     p->firstLight = at("uFirstLight");
+    p->lanes = at("uLanes");
+    p->oneLoop = at("uOneLoop");
     p->depthOrigin = at("uDepthOrigin");
     p->eye = at("uEye");
     p->rayOrigin = at("uRayOrigin");

@@ -11,7 +11,7 @@ namespace nacre {
 /// A program and the uniforms that change per draw (-1 where a program has no such uniform).
 struct Program {
     GLuint name = 0;
-    GLint lightCount = -1, firstLight = -1, worldScale2 = -1, cameraAsset = -1;
+    GLint lightCount = -1, lanes = -1, oneLoop = -1, firstLight = -1, worldScale2 = -1, cameraAsset = -1;
     GLint viewFromAsset = -1, viewTranslation = -1, clipFromView = -1, viewport = -1, jacobianLimit = -1, nearW = -1, lowPass = -1,
           maxColor = -1, depthOrigin = -1, inverseSize = -1, eye = -1, rayOrigin = -1, rayRight = -1, rayUp = -1;
 };

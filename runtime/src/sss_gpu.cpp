@@ -10,7 +10,7 @@
 //   visibility  R8       array: octahedral maps, one long row
 //   weights     RGBA32F  of the network, see packNetwork
 //   first       RGBA16F  16 slots: first layer of the network without light and view
-//   lit         RGBA32F  light pass: a slot per light
+//   lit         RGBA32F  light pass: array, see litTexel
 //   scattered   RGBA32F  sum pass
 //   layers, further      RGBA16F  arrays of the size of the viewport
 // first and weights exist only with a network.
@@ -37,6 +37,10 @@ constexpr int kMostLayers = 8;                       // of a pass: what GL 3.3 g
 constexpr int kSurfaceLayers = 5;                    // the fifth has room for two lights
 constexpr int kFirstLights = 2 + 3 * (kMostLayers - kSurfaceLayers), kFurtherLights = 3 * kMostLayers;
 constexpr int kWeightsWidth = 1024;
+
+constexpr int kMostLanes = 4;                        // lights that a fragment of the light pass takes, weights fetched once
+int groupsOf(int lights) { return std::max(1, (lights + kMostLanes - 1) / kMostLanes); }
+int lanesOf(int lights) { return std::max(1, (lights + groupsOf(lights) - 1) / groupsOf(lights)); } // as few as that many groups need
 
 int layersFor(int lights) { return kSurfaceLayers + (std::max(lights - 2, 0) + 2) / 3; }
 int furtherLayersFor(int lights) { return (lights + 2) / 3; }
@@ -83,7 +87,7 @@ public:
     using GpuModel::GpuModel;
     ~GpuSss() override;
     Failure checkLayout(const SplatAsset& source) override;
-    int mostSlots() const override { return NACRE_MAX_LIGHTS; }
+    int mostSlots() const override { return NACRE_MAX_LIGHTS / kMostLanes; }
     int geometrySlots() const override { return int(kSssSlots) - int(kCommonSlots); }
     Failure upload(const SplatAsset& source) override;
     Failure compilePrograms() override;
@@ -102,6 +106,7 @@ private:
     void uploadNetwork(const SssChannels& channels);
     void freeLit();
     Failure growLit(int lights);
+    Failure lightProgram(int lanes, const Program** program);
     Failure rasterPrograms(bool further, int layers, RasterPrograms** programs);
     Failure growLayers(LayerTarget& target, int width, int height, int layers);
     void freeLayers(LayerTarget& target);
@@ -115,10 +120,10 @@ private:
     GLuint visibility_ = 0, weights_ = 0, first_ = 0, lit_ = 0, scattered_ = 0;
     GLuint litFramebuffer_ = 0, sumFramebuffer_ = 0;
     LayerTarget layers_, further_;
-    Program lightPass_, sumPass_;
+    Program lightPass_[kMostLanes + 1], sumPass_; // by lanes, compiled when first needed
     RasterPrograms programs_[2][kMostLayers + 1]{};
     glm::vec3 seenFrom_{0};
-    int litCapacity_ = 0;
+    int litGroups_ = 0;                // room in lit
     float depthOrigin_ = 0;            // of the last G-buffer pass
 };
 
@@ -128,7 +133,8 @@ GpuSss::~GpuSss()
     const GLuint textures[] = {visibility_, weights_, first_, lit_, scattered_}, framebuffers[] = {litFramebuffer_, sumFramebuffer_}; // GL ignores 0
     gl().DeleteFramebuffers(GLsizei(std::size(framebuffers)), framebuffers);
     gl().DeleteTextures(GLsizei(std::size(textures)), textures);
-    gl().DeleteProgram(lightPass_.name), gl().DeleteProgram(sumPass_.name);
+    for (const Program& p : lightPass_) gl().DeleteProgram(p.name);
+    gl().DeleteProgram(sumPass_.name);
     for (const auto& kind : programs_)
         for (const RasterPrograms& p : kind) gl().DeleteProgram(p.splat.name), gl().DeleteProgram(p.resolve.name);
 }
@@ -197,17 +203,22 @@ Failure GpuSss::upload(const SplatAsset& source)
 
 Failure GpuSss::compilePrograms()
 {
-    const std::string common = commonDefines(asset_) + define("HAS_VISIBILITY", int(hasVisibility_)) + define("HAS_NETWORK", int(hasNetwork_)) +
-                               define("HAS_SHARE", int(hasShare_)) +
-                               define("H1", kSssHidden1) + define("H2", kSssHidden2) + define("H3", kSssHidden3) + define("HS", kSssHiddenShare) +
-                               define("AT_LIGHT", kAtLight) + define("AT_SECOND", kAtSecond) + define("AT_THIRD", kAtThird) +
-                               define("AT_SHARE", kAtShare) + define("AT_OUT", kAtOut) + define("LEAK", kSssLeak);
-    const std::string fullscreen = common + shaders::kFullscreenVertGlsl;
-    const std::string pass = common + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kVisibilityMapGlsl;
-    if (Failure f = compile(gl(), "light", fullscreen, pass + (hasNetwork_ ? shaders::kSssNetworkGlsl : "") + shaders::kSssLightFragGlsl,
-                            {"uGeometry", "uLights", "uFirst", "uWeights", "uVisibility"}, &lightPass_))
-        return f;
-    return compile(gl(), "sum", fullscreen, pass + shaders::kSssSumFragGlsl, {"uGeometry", "uLit"}, &sumPass_);
+    const std::string common = commonDefines(asset_);
+    return compile(gl(), "sum", common + shaders::kFullscreenVertGlsl, common + shaders::kPassGlsl + shaders::kSssSumFragGlsl, {"uGeometry", "uLit"}, &sumPass_);
+}
+
+Failure GpuSss::lightProgram(int lanes, const Program** program)
+{
+    *program = &lightPass_[lanes];
+    if ((*program)->name) return {};
+    const std::string common = commonDefines(asset_) + define("LANES", lanes) + define("HAS_VISIBILITY", int(hasVisibility_)) +
+                               define("HAS_NETWORK", int(hasNetwork_)) + define("HAS_SHARE", int(hasShare_)) + define("H1", kSssHidden1) +
+                               define("H2", kSssHidden2) + define("H3", kSssHidden3) + define("HS", kSssHiddenShare) + define("AT_LIGHT", kAtLight) +
+                               define("AT_SECOND", kAtSecond) + define("AT_THIRD", kAtThird) + define("AT_SHARE", kAtShare) + define("AT_OUT", kAtOut) +
+                               define("LEAK", kSssLeak) + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kVisibilityMapGlsl;
+    return compile(gl(), "light", commonDefines(asset_) + shaders::kFullscreenVertGlsl,
+                   common + (hasNetwork_ ? shaders::kSssNetworkGlsl : "") + shaders::kSssLightFragGlsl,
+                   {"uGeometry", "uLights", "uFirst", "uWeights", "uVisibility"}, &lightPass_[lanes]);
 }
 
 Failure GpuSss::rasterPrograms(bool further, int layers, RasterPrograms** programs)
@@ -234,25 +245,28 @@ Failure GpuSss::setEdits(std::span<const SplatEdit> edits)
 void GpuSss::freeLit()
 {
     gl().DeleteTextures(1, &lit_);
-    asset_.gpuBytes -= 16 * uint64_t(litCapacity_) * uint64_t(asset_.width) * uint64_t(asset_.rows);
-    lit_ = 0, litCapacity_ = 0;
+    asset_.gpuBytes -= 16 * uint64_t(kMostLanes * litGroups_) * uint64_t(asset_.width) * uint64_t(asset_.rows);
+    lit_ = 0, litGroups_ = 0;
 }
 
 /// Room for so many lights. Storage that GL could not allocate shows as an incomplete framebuffer.
 Failure GpuSss::growLit(int lights)
 {
-    if (lights <= litCapacity_) return {};
+    const int groups = groupsOf(lights), height = groups * asset_.rows;
+    if (groups <= litGroups_) return {};
     gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, litFramebuffer_); // deletion detaches, and so frees, only while bound
     freeLit();
-    const Failure tooMany{NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(lights) + " lights; use fewer"};
-    if (int64_t(lights) * asset_.rows > gl().maxTextureSize) return tooMany;
-    litCapacity_ = lights;
-    lit_ = createSlotTexture(asset_, GL_RGBA32F, lights);
-    gl().FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, lit_, 0);
+    litGroups_ = groups;
+    gl().GenTextures(1, &lit_);
+    bindTexture(gl(), 0, GL_TEXTURE_2D_ARRAY, lit_);
+    setNearest(gl(), GL_TEXTURE_2D_ARRAY);
+    gl().TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA32F, asset_.width, height, kMostLanes, 0, GL_RGBA, GL_FLOAT, nullptr);
+    asset_.gpuBytes += 16 * uint64_t(kMostLanes * groups) * uint64_t(asset_.width) * uint64_t(asset_.rows);
+    for (int l = 0; l < kMostLanes; ++l) gl().FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + GLenum(l), lit_, 0, l);
     if (gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE) return {};
     freeLit();
     reportHostError(*asset_.context);
-    return tooMany;
+    return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(lights) + " lights; use fewer"};
 }
 
 Failure GpuSss::relight(const DrawFrame& frame, bool lightsChanged)
@@ -264,21 +278,29 @@ Failure GpuSss::relight(const DrawFrame& frame, bool lightsChanged)
     edited_ = false;
     if (Failure f = growLit(lights)) return f;
     if (lightPass && lights > 0) {
-        gl().UseProgram(lightPass_.name);
+        const Program* program = nullptr;
+        if (Failure f = lightProgram(lanesOf(lights), &program)) return f;
+        gl().UseProgram(program->name);
         bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
         bindTexture(gl(), 1, GL_TEXTURE_2D, asset_.lights);
         if (hasNetwork_) bindTexture(gl(), 2, GL_TEXTURE_2D, first_), bindTexture(gl(), 3, GL_TEXTURE_2D, weights_);
         if (hasVisibility_) bindTexture(gl(), 4, GL_TEXTURE_2D_ARRAY, visibility_);
-        gl().Uniform3f(lightPass_.cameraAsset, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
-        gl().Uniform1f(lightPass_.worldScale2, asset_.packed.worldScale2);
-        gl().Uniform1f(lightPass_.inverseSize, inverseSize_);
-        runPass(asset_, litFramebuffer_, asset_.rows * lights);
+        gl().Uniform3f(program->cameraAsset, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
+        gl().Uniform1f(program->worldScale2, asset_.packed.worldScale2);
+        gl().Uniform1f(program->inverseSize, inverseSize_);
+        gl().Uniform1i(program->lightCount, lights);
+        gl().Uniform1i(program->oneLoop, 1);
+        constexpr GLenum attachments[kMostLanes] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2, GL_COLOR_ATTACHMENT3};
+        gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, litFramebuffer_);
+        gl().DrawBuffers(lanesOf(lights), attachments);
+        runPass(asset_, litFramebuffer_, asset_.rows * groupsOf(lights));
     }
     if (sumPass) {
         gl().UseProgram(sumPass_.name);
         bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-        bindTexture(gl(), 1, GL_TEXTURE_2D, lit_);
+        bindTexture(gl(), 1, GL_TEXTURE_2D_ARRAY, lit_);
         gl().Uniform1i(sumPass_.lightCount, lights);
+        gl().Uniform1i(sumPass_.lanes, lanesOf(lights));
         runPass(asset_, sumFramebuffer_, asset_.rows);
     }
     seenFrom_ = frame.cameraAsset;
@@ -333,12 +355,13 @@ Failure GpuSss::drawLayers(LayerTarget& t, const Program& p, const DrawFrame& fr
     bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
     bindTexture(gl(), 1, GL_TEXTURE_2D, asset_.order);
     bindTexture(gl(), 2, GL_TEXTURE_2D, scattered_);
-    bindTexture(gl(), 3, GL_TEXTURE_2D, lit_);
+    bindTexture(gl(), 3, GL_TEXTURE_2D_ARRAY, lit_);
     setSplatUniforms(asset_, p, frame);
     gl().Uniform3f(p.cameraAsset, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
     gl().Uniform1f(p.depthOrigin, depthOrigin_);
     gl().Uniform1i(p.firstLight, firstLight);
     gl().Uniform1i(p.lightCount, asset_.packed.count);
+    gl().Uniform1i(p.lanes, lanesOf(asset_.packed.count));
     drawQuads(asset_);
     if (depthTest) detachHostDepth(gl());
     return {};
