@@ -83,6 +83,7 @@ struct AppearanceOptions {
     int scatterFunctions = 0;          // bigs: SH functions of s
     std::vector<std::string> without{}; // for comparisons: optional parts, "sharing" between neighbours, "schedule": plain Adam with one constant rate
     float brightness = 1;               // estimate of the mean albedo, to start a dark object dark
+    bool lightDistancesVary = false;    // sss: else nothing is to be learnt from how near a light is
 };
 
 /// nullptr if there is no such model.

@@ -6,6 +6,7 @@
 #include "train/cluster_choice.h"
 #include "train/trainer.h"
 #include "appearance/model_table.h"
+#include "appearance/sss/sss_network.h"
 
 #include <doctest/doctest.h>
 
@@ -69,13 +70,13 @@ PreparedImage disc(const Camera& camera, const std::vector<uint8_t>& alpha)
     return prepareImage(image);
 }
 
-Trainer sphereTrainer(size_t count, size_t cap, const std::string& model = "bigs")
+Trainer sphereTrainer(size_t count, size_t cap, const std::string& model = "bigs", const AppearanceOptions& appearance = {4})
 {
     const Views views = sphereViews(64);
     const VisualHull hull = carveVisualHull(views.cameras, views.masks, 32);
     TrainerOptions options;
     options.maxSplats = cap;
-    Trainer trainer(options, makeTrainableAppearance(model, {4}));
+    Trainer trainer(options, makeTrainableAppearance(model, appearance));
     trainer.initialize(sampleHull(hull, count, 1), float(std::sqrt(hull.surfaceArea / double(count))), true);
     return trainer;
 }
@@ -190,6 +191,22 @@ TEST_CASE("every model: training lowers the loss, densify respects the cap and k
             for (float v : c.values) REQUIRE(std::isfinite(v));
         trainer.resetStatistics();
         CHECK(trainer.prune() == 300); // nothing has been seen since the reset
+    }
+}
+
+TEST_CASE("sss learns what nearness of a light means from lights at several distances only; else it means nothing")
+{
+    for (const bool vary : {false, true}) {
+        AppearanceOptions options;
+        options.lightDistancesVary = vary;
+        Trainer trainer = sphereTrainer(200, 200, "sss", options);
+        train(trainer, 1, 10);
+        SplatAsset asset;
+        trainer.exportTo(asset);
+        const std::vector<float>& network = asset.find("network")->values;
+        bool used = false;
+        for (int j = 0; j < kSssHidden1; ++j) used = used || network[size_t(kSssFirstLight + kSssLightInputs * j + kSssNearnessInput)] != 0;
+        CHECK(used == vary);
     }
 }
 

@@ -59,7 +59,7 @@ struct AdamRate {
 
 class SssModel final : public TrainableAppearance {
 public:
-    explicit SssModel(const AppearanceOptions& options)
+    explicit SssModel(const AppearanceOptions& options) : nearness_(options.lightDistancesVary)
     {
         for (const std::string& part : options.without) leaveOut(part, {});
         const float base = std::clamp(options.brightness, kDarkestStart, kBrightestStart);
@@ -69,8 +69,8 @@ public:
             const float bound = gain * std::sqrt(6.0f / float(inputs));
             for (int k = 0; k < outputs * inputs; ++k) weights_.value[size_t(at + k)] = bound * (2 * random.uniform() - 1);
         };
-        layer(kSssFirstFixed, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1),
-            layer(kSssFirstLight, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1);
+        layer(kSssFirstFixed, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1); // the light's inputs lie behind
+        for (int j = 0; !nearness_ && j < kSssHidden1; ++j) weights_.value[size_t(kSssFirstLight + kSssLightInputs * j + kSssNearnessInput)] = 0;
         layer(kSssSecond, kSssHidden2, kSssHidden1, 1), layer(kSssThird, kSssHidden3, kSssHidden2, 1);
         layer(kSssResidual, 3, kSssHidden3, 0.3f), layer(kSssShare, kSssHiddenShare, kSssHidden3, 1);
         for (int c = 0; c < 3; ++c) weights_.value[size_t(kSssResidualBias + c)] = -2.0f;
@@ -312,6 +312,7 @@ private:
                 const float visibility =
                     visibility_.empty() ? 1.0f : mapVisibility(VisibilityMap{&visibility_[splat * kVisibilityTexels]}, s.dir);
                 sssLightInputs(toEye.dir, s.dir, visibility, distance * frame_[3], batch.network.light[row]);
+                if (!nearness_) batch.network.light[row][kSssNearnessInput] = 0; // no gradient either: its weights stay 0
                 batch.falloff[row] = s.falloff;
             }
         }
@@ -433,6 +434,7 @@ private:
     float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
     Row start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
     bool residualOn_ = true, visibilityOn_ = true;
+    bool nearness_;                     // the network is told how near a light is
     SssWeights weights_;
     std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;
     int renewed_ = 0;

@@ -18,7 +18,7 @@ namespace nacre {
 
 constexpr int kSssOctaves = 4;
 constexpr int kSssFixedInputs = 6 * kSssOctaves + 4 + 3 + 3; // Fourier code of the position, rotation, scale, normal
-constexpr int kSssVisibilityInput = 6, kSssLightInputs = 8;  // w_o, w_t, visibility, nearness of the light
+constexpr int kSssVisibilityInput = 6, kSssNearnessInput = 7, kSssLightInputs = 8; // w_o, w_t, visibility, nearness of the light
 constexpr int kSssHidden1 = 64, kSssHidden2 = 32, kSssHidden3 = 32, kSssHiddenShare = 32;
 constexpr float kSssLeak = 0.01f;
 
@@ -64,7 +64,7 @@ template <class T> NACRE_HD inline void sssLightInputs(const T* wo, const T* wt,
 {
     for (int k = 0; k < 3; ++k) in[k] = wo[k], in[3 + k] = wt[k];
     in[kSssVisibilityInput] = visibility;
-    in[7] = distance < T(0) ? T(0) : T(1) / (T(1) + distance);
+    in[kSssNearnessInput] = distance < T(0) ? T(0) : T(1) / (T(1) + distance);
 }
 
 /// out[j] = bias[j] + sum_i weight[j][i] in[i]
