@@ -64,7 +64,7 @@ TEST_CASE("an asset of the model sss comes back bit for bit; a row for all splat
     network["perAsset"] = "yes";
     CHECK(contains(decodeError(parts.bytes()), "perAsset is neither true nor false"));
     network.erase("perAsset");
-    CHECK(contains(decodeError(parts.bytes()), "expected 5 splats x 7080 floats"));
+    CHECK(contains(decodeError(parts.bytes()), "expected 5 splats x 6632 floats"));
 }
 
 TEST_CASE("a channel of the first splats only comes back bit for bit, and every other number of rows is refused")

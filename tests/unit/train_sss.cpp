@@ -427,10 +427,9 @@ TEST_CASE("sss: the network stays bounded and smooth far outside what it has see
     }
     // What is known of a splat and of a light: positions and distances may be anything, the inputs never are.
     for (float far : {0.0f, 1.0f, 1e6f, 1e30f}) {
-        const float position[3] = {far, -far, 0.5f * far}, unit[4] = {1, 0, 0, 0}, scale[3] = {far, 1e-9f, 0.1f},
-                    normal[3] = {0, 0, 1}, frame[4] = {0.1f, 0, 0, 2};
+        const float position[3] = {far, -far, 0.5f * far}, normal[3] = {0, 0, 1}, frame[4] = {0.1f, 0, 0, 2};
         float fixed[kSssFixedInputs], light[kSssLightInputs];
-        sssFixedInputs(position, scale, unit, normal, frame, fixed);
+        sssFixedInputs(position, normal, frame, fixed);
         sssLightInputs(normal, normal, 0.5f, far, light);
         for (float x : fixed) CHECK(std::abs(x) <= 1.0f);
         for (float x : light) CHECK(std::abs(x) <= 1.0f);

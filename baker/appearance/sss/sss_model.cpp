@@ -297,10 +297,9 @@ private:
         for (int lane = 0; lane < kSssLanes; ++lane) {
             const size_t splat = first + size_t(std::min(lane, lanes - 1));
             const GaussianGeometry<float>& g = view.geometry[splat];
-            float unit[4], normal[3];
-            detail::normalizeQuaternion(g.rotation, unit);
+            float normal[3];
             unitNormal(splat, normal);
-            sssFixedInputs(g.position, g.scale, unit, normal, frame_, batch.network.fixed[lane]);
+            sssFixedInputs(g.position, normal, frame_, batch.network.fixed[lane]);
             const LightSample<float> toEye = samplePointLight(lit.eye, 0.0f, g.position);
             for (int l = 0; l < lit.lightCount; ++l) {
                 const Light& light = lit.lights[l];

@@ -46,7 +46,7 @@ NACRE_HD inline void sssNetworkLightBackward(const T* w, const T* first, const T
     for (int k = 0; k < kSssHidden1; ++k) dFirst[k] += d1[k];
 }
 
-/// After all lights of a Gaussian. Adds to dWeights and dFixed [34].
+/// After all lights of a Gaussian. Adds to dWeights and dFixed [kSssFixedInputs].
 template <class T>
 NACRE_HD inline void sssNetworkFixedBackward(const T* w, const T* fixed, const T* dFirst, T* dWeights, T* dFixed)
 {

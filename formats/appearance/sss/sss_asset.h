@@ -59,10 +59,7 @@ public:
     void firstLayer(size_t splat, float* first) const
     {
         float in[kSssFixedInputs];
-        const glm::vec3 &p = cloud_->positions[splat], &s = cloud_->scales[splat];
-        const glm::quat& q = cloud_->rotations[splat];
-        const float rotation[4] = {q.w, q.x, q.y, q.z};
-        sssFixedInputs(&p.x, &s.x, rotation, &normal_->values[3 * splat], network() + kSssFrame, in);
+        sssFixedInputs(&cloud_->positions[splat].x, &normal_->values[3 * splat], network() + kSssFrame, in);
         sssNetworkFixed(network(), in, first);
     }
 

@@ -17,7 +17,7 @@
 namespace nacre {
 
 constexpr int kSssOctaves = 4;
-constexpr int kSssFixedInputs = 6 * kSssOctaves + 4 + 3 + 3; // Fourier code of the position, rotation, scale, normal
+constexpr int kSssFixedInputs = 6 * kSssOctaves + 3; // Fourier code of the position, normal
 constexpr int kSssVisibilityInput = 6, kSssNearnessInput = 7, kSssLightInputs = 8; // w_o, w_t, visibility, nearness of the light
 constexpr int kSssHidden1 = 64, kSssHidden2 = 32, kSssHidden3 = 32, kSssHiddenShare = 32;
 constexpr float kSssLeak = 0.01f;
@@ -38,10 +38,10 @@ constexpr int kSssShareOut = kSssShareBias + kSssHiddenShare;
 constexpr int kSssShareOutBias = kSssShareOut + kSssHiddenShare;
 constexpr int kSssWeights = kSssShareOutBias + 1;
 
-/// Unit quaternion (w, x, y, z) and normal. frame: centre and 1 / half-size of the object, in which position and scale are
-/// measured. All inputs end up in [-1, 1].
+/// frame: centre and 1 / half-size of the object, in which the position is measured. All inputs end up in [-1, 1]. The paper adds rotation and
+/// scale of the Gaussian; what leaves a surface does not depend on how it was cut into Gaussians, and the bakes do without them as well.
 template <class T>
-NACRE_HD inline void sssFixedInputs(const T* position, const T* scale, const T* rotation, const T* normal, const T* frame, T* in)
+NACRE_HD inline void sssFixedInputs(const T* position, const T* normal, const T* frame, T* in)
 {
     const T bound = T(1e4); // beyond it the code of a position is noise anyway, and a sine of 1e30 is not worth computing
     for (int k = 0; k < 3; ++k) {
@@ -53,8 +53,6 @@ NACRE_HD inline void sssFixedInputs(const T* position, const T* scale, const T* 
             cosine = T(1) - T(2) * sine * sine, sine = twice;
         }
     }
-    for (int k = 0; k < 4; ++k) *in++ = rotation[k];
-    for (int k = 0; k < 3; ++k) *in++ = scale[k] * frame[3] < T(1) ? scale[k] * frame[3] : T(1);
     for (int k = 0; k < 3; ++k) *in++ = normal[k];
 }
 
