@@ -79,7 +79,8 @@ inline SplatAsset makeSss(size_t count, bool all)
                       channel("normal", 3, [](size_t i) { return i % 3 == 0 ? 0.6f : i % 3 == 1 ? 0.0f : -0.8f; })};
     if (!all) return asset;
     Channel network{"network", uint32_t(kSssNetworkFloats), {}, {}, true};
-    for (size_t i = 0; i < kSssNetworkFloats; ++i) network.values.push_back(float(int(i * 37 % 129) - 64) / 64.0f);
+    for (size_t i = 0; i < kSssWeights; ++i) network.values.push_back(float(int(i * 37 % 129) - 64) / 256.0f); // so small that no output saturates
+    network.values.insert(network.values.end(), {0, 0, 0, 2});                                                // frame
     asset.channels.push_back(visibility), asset.channels.push_back(network);
     return asset;
 }
