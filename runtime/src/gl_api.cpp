@@ -22,11 +22,11 @@ std::string loadGl(NacreGetProcAddress getProcAddress, void* user, Gl* gl)
     gl->version = 10 * major + minor;
     if (gl->version < 33) return "found OpenGL '" + version + "', needed is 3.3 core or newer";
 
-    if (gl->version >= 41) { // a driver may return stubs for newer functions: go by version, not by pointer
+    // a driver may return stubs for newer functions: go by version, not by pointer
 #define X(TYPE, name) gl->name = reinterpret_cast<PFNGL##TYPE##PROC>(getProcAddress("gl" #name, user));
-        NACRE_GL_OPTIONAL_FUNCTIONS(X)
+    if (gl->version >= 41) { NACRE_GL_OPTIONAL_FUNCTIONS(X) }
+    if (gl->version >= 43) { NACRE_GL_COMPUTE_FUNCTIONS(X) }
 #undef X
-    }
     gl->GetIntegerv(GL_MAX_TEXTURE_SIZE, &gl->maxTextureSize);
     gl->GetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &gl->maxArrayLayers);
     gl->GetIntegerv(GL_MAX_DRAW_BUFFERS, &gl->maxDrawBuffers);

@@ -1,5 +1,6 @@
 // The OpenGL functions the runtime calls, loaded through the host's getProcAddress into a table per context: nothing global, no
-// loader library, no clash with the host's own loader. GL 3.3 core, plus a few later entry points that only state saving uses.
+// loader library, no clash with the host's own loader. GL 3.3 core, plus a few later entry points for saving state and for compute
+// shaders.
 #pragma once
 
 #include <GL/glcorearb.h>
@@ -40,15 +41,22 @@ namespace nacre {
     X(BLENDEQUATIONSEPARATEI, BlendEquationSeparatei) X(BLENDFUNCSEPARATEI, BlendFuncSeparatei)                                  \
     X(GETINTEGERI_V, GetIntegeri_v) X(VIEWPORTINDEXEDF, ViewportIndexedf)
 
+// Null before 4.3.
+#define NACRE_GL_COMPUTE_FUNCTIONS(X)                                                                                            \
+    X(BINDIMAGETEXTURE, BindImageTexture) X(DISPATCHCOMPUTE, DispatchCompute) X(MEMORYBARRIER, MemoryBarrier)
+
 struct Gl {
 #define X(TYPE, name) PFNGL##TYPE##PROC name = nullptr;
     NACRE_GL_FUNCTIONS(X)
     NACRE_GL_OPTIONAL_FUNCTIONS(X)
+    NACRE_GL_COMPUTE_FUNCTIONS(X)
 #undef X
     int version = 0;              // major * 10 + minor
     GLint maxTextureSize = 0;
     GLint maxArrayLayers = 0;
     GLint maxDrawBuffers = 0;
+
+    bool hasCompute() const { return BindImageTexture && DispatchCompute && MemoryBarrier; }
 };
 
 /// Empty on success, else one line that says what is missing.

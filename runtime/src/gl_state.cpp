@@ -53,6 +53,14 @@ GlStateGuard::GlStateGuard(const Gl& gl) : gl_(gl), drawBufferCount_(std::min(gl
         gl.GetIntegerv(GL_SAMPLER_BINDING, &units_[i].sampler);
         gl.BindSampler(i, 0);
     }
+    if (gl.hasCompute()) {
+        gl.GetIntegeri_v(GL_IMAGE_BINDING_NAME, 0, &image_.name);
+        gl.GetIntegeri_v(GL_IMAGE_BINDING_LEVEL, 0, &image_.level);
+        gl.GetIntegeri_v(GL_IMAGE_BINDING_LAYERED, 0, &image_.layered);
+        gl.GetIntegeri_v(GL_IMAGE_BINDING_LAYER, 0, &image_.layer);
+        gl.GetIntegeri_v(GL_IMAGE_BINDING_ACCESS, 0, &image_.access);
+        gl.GetIntegeri_v(GL_IMAGE_BINDING_FORMAT, 0, &image_.format);
+    }
     for (size_t i = 0; i < std::size(kUnpack); ++i) {
         gl.GetIntegerv(kUnpack[i], &unpack_[i]);
         gl.PixelStorei(kUnpack[i], kUnpack[i] == GL_UNPACK_ALIGNMENT ? 4 : 0);
@@ -132,6 +140,8 @@ GlStateGuard::~GlStateGuard()
         gl.BindSampler(i, GLuint(units_[i].sampler));
     }
     gl.ActiveTexture(GLenum(activeTexture_));
+    if (gl.hasCompute())
+        gl.BindImageTexture(0, GLuint(image_.name), image_.level, GLboolean(image_.layered), image_.layer, GLenum(image_.access), GLenum(image_.format));
     for (size_t i = 0; i < std::size(kUnpack); ++i) gl.PixelStorei(kUnpack[i], unpack_[i]);
     for (size_t i = 0; i < std::size(kToggles); ++i) set(gl, kToggles[i], toggles_[i]);
     const Blend& first = drawBuffers_[0].factors;

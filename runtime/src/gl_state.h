@@ -11,7 +11,7 @@
 
 namespace nacre {
 
-constexpr int kTextureUnits = 6; // units 0..5 are used
+constexpr int kTextureUnits = 6; // units 0..5 are used; of image units, 0
 
 /// x, y, width, height of viewport 0; leaves the host's other viewports alone.
 void setViewport(const Gl& gl, const float box[4]);
@@ -37,6 +37,7 @@ private:
     static constexpr int kMaxDrawBuffers = 8;
     static constexpr size_t kToggleCount = 18;
     struct Unit { GLint texture2D, texture2DArray, sampler; };
+    struct Image { GLint name, level, layered, layer, access, format; };
     struct Blend { GLint srcRgb, dstRgb, srcAlpha, dstAlpha, equationRgb, equationAlpha; };
     struct DrawBuffer { GLboolean blend, mask[4]; Blend factors; };
 
@@ -47,6 +48,7 @@ private:
     int drawBufferCount_;
     GLint drawFramebuffer_, readFramebuffer_, vertexArray_, program_, activeTexture_, unpackBuffer_;
     std::array<Unit, kTextureUnits> units_;
+    Image image_;
     std::array<DrawBuffer, kMaxDrawBuffers> drawBuffers_;
     std::array<GLint, 8> unpack_;
     std::array<GLboolean, kToggleCount> toggles_;

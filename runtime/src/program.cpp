@@ -5,6 +5,7 @@
 #include "splats/blend.h"
 
 #include <cstdio>
+#include <utility>
 
 namespace nacre {
 
@@ -22,11 +23,11 @@ std::string define(const char* name, float value)
     return line;
 }
 
-std::string commonDefines(const NacreAssetImpl& asset)
+std::string commonDefines(const NacreAssetImpl& asset, int glslVersion)
 {
-    return "#version 330 core\n" + define("WIDTH", asset.width) + define("ROWS", asset.rows) + define("ROW_SHIFT", asset.rowShift) +
-           define("VISIBILITY_SIZE", asset.visibilitySize) + define("VISIBILITY_SLOPE", kVisibilitySlope) + define("MIN_ALPHA", kMinAlpha) +
-           define("MAX_ALPHA", kMaxAlpha) + shaders::kLayoutGlsl;
+    return "#version " + std::to_string(glslVersion) + " core\n" + define("WIDTH", asset.width) + define("ROWS", asset.rows) +
+           define("ROW_SHIFT", asset.rowShift) + define("VISIBILITY_SIZE", asset.visibilitySize) + define("VISIBILITY_SLOPE", kVisibilitySlope) +
+           define("MIN_ALPHA", kMinAlpha) + define("MAX_ALPHA", kMaxAlpha) + shaders::kLayoutGlsl;
 }
 
 static std::string firstLine(const std::string& log) { return log.substr(0, log.find('\n')); }
@@ -47,28 +48,32 @@ static GLuint compileStage(const Gl& gl, GLenum stage, const std::string& source
     return 0;
 }
 
-Failure compile(const Gl& gl, const char* what, const std::string& vertexSource, const std::string& fragmentSource,
-                std::initializer_list<const char*> samplers, Program* p)
+struct Stage {
+    GLenum kind;
+    const std::string& source;
+};
+
+static Failure link(const Gl& gl, const char* what, std::initializer_list<Stage> stages, std::initializer_list<const char*> samplers, Program* p)
 {
     std::string log;
-    const GLuint vertex = compileStage(gl, GL_VERTEX_SHADER, vertexSource, &log);
-    const GLuint fragment = vertex ? compileStage(gl, GL_FRAGMENT_SHADER, fragmentSource, &log) : 0;
-    GLint good = 0;
-    if (vertex && fragment) {
-        p->name = gl.CreateProgram();
-        gl.AttachShader(p->name, vertex);
-        gl.AttachShader(p->name, fragment);
+    GLint good = 1;
+    p->name = gl.CreateProgram();
+    for (const Stage& stage : stages) {
+        const GLuint shader = good ? compileStage(gl, stage.kind, stage.source, &log) : 0;
+        good = shader != 0;
+        if (good) gl.AttachShader(p->name, shader);
+        gl.DeleteShader(shader); // goes with the program
+    }
+    if (good) {
         gl.LinkProgram(p->name);
         gl.GetProgramiv(p->name, GL_LINK_STATUS, &good);
-        if (!good) {
-            char buffer[512] = "";
-            gl.GetProgramInfoLog(p->name, sizeof buffer, nullptr, buffer);
-            log = buffer;
-        }
+        char buffer[512] = "";
+        if (!good) gl.GetProgramInfoLog(p->name, sizeof buffer, nullptr, buffer), log = buffer;
     }
-    gl.DeleteShader(vertex);
-    gl.DeleteShader(fragment);
-    if (!good) return {NACRE_ERROR_GL, std::string("the ") + what + " program failed to compile: " + firstLine(log)};
+    if (!good) {
+        gl.DeleteProgram(std::exchange(p->name, 0));
+        return {NACRE_ERROR_GL, std::string("the ") + what + " program failed to compile: " + firstLine(log)};
+    }
 
     const auto at = [&](const char* uniform) { return gl.GetUniformLocation(p->name, uniform); };
     p->lightCount = at("uLightCount");
@@ -95,6 +100,17 @@ Failure compile(const Gl& gl, const char* what, const std::string& vertexSource,
     int unit = 0;
     for (const char* sampler : samplers) gl.Uniform1i(at(sampler), unit++);
     return {};
+}
+
+Failure compile(const Gl& gl, const char* what, const std::string& vertexSource, const std::string& fragmentSource,
+                std::initializer_list<const char*> samplers, Program* program)
+{
+    return link(gl, what, {{GL_VERTEX_SHADER, vertexSource}, {GL_FRAGMENT_SHADER, fragmentSource}}, samplers, program);
+}
+
+Failure compileCompute(const Gl& gl, const char* what, const std::string& source, std::initializer_list<const char*> samplers, Program* program)
+{
+    return link(gl, what, {{GL_COMPUTE_SHADER, source}}, samplers, program);
 }
 
 void setSplatUniforms(const NacreAssetImpl& asset, const Program& p, const DrawFrame& frame)

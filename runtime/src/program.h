@@ -17,7 +17,7 @@ struct Program {
 };
 
 /// #version and what every program of this asset knows: where splats sit, how they blend.
-std::string commonDefines(const NacreAssetImpl& asset);
+std::string commonDefines(const NacreAssetImpl& asset, int glslVersion = 330);
 /// One more #define.
 std::string define(const char* name, int value);
 std::string define(const char* name, float value);
@@ -25,6 +25,8 @@ std::string define(const char* name, float value);
 /// Sampler `samplers[i]` reads texture unit i.
 Failure compile(const Gl& gl, const char* what, const std::string& vertexSource, const std::string& fragmentSource,
                 std::initializer_list<const char*> samplers, Program* program);
+/// The same of a compute shader; only if gl.hasCompute().
+Failure compileCompute(const Gl& gl, const char* what, const std::string& source, std::initializer_list<const char*> samplers, Program* program);
 
 /// Uniforms of splat.vert.glsl.
 void setSplatUniforms(const NacreAssetImpl& asset, const Program& program, const DrawFrame& frame);

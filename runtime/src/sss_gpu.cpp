@@ -1,5 +1,6 @@
 // sss on the GPU (sss.h and sss_network.h have the equations):
-//   light     per splat and light: scattered light per unit of subsurfaceness, incident share. Network and visibility map.
+//   light     per splat and light: scattered light per unit of subsurfaceness, incident share. Network and visibility map. From GL 4.3
+//             on in a compute shader, which has the weights in shared memory.
 //   sum       per splat: scattered light of all lights
 //   G-buffer  surface and incident shares of up to eleven lights, blended over the splats; 24 further lights per further pass
 //   resolve   per pixel: GGX under every light, into the host's frame
@@ -39,6 +40,7 @@ constexpr int kFirstLights = 2 + 3 * (kMostLayers - kSurfaceLayers), kFurtherLig
 constexpr int kWeightsWidth = 1024;
 
 constexpr int kMostLanes = 4;                        // lights that a fragment of the light pass takes, weights fetched once
+constexpr int kWorkgroup = 64;                       // splats of the compute shader
 int groupsOf(int lights) { return std::max(1, (lights + kMostLanes - 1) / kMostLanes); }
 int lanesOf(int lights) { return std::max(1, (lights + groupsOf(lights) - 1) / groupsOf(lights)); } // as few as that many groups need
 
@@ -52,6 +54,7 @@ constexpr int kAtThird = kAtSecond + kSssHidden2 / 4 * (1 + kSssHidden1);
 constexpr int kAtShare = kAtThird + kSssHidden3 / 4 * (1 + kSssHidden2);
 constexpr int kAtOut = kAtShare + kSssHiddenShare / 4 * (1 + kSssHidden3);
 constexpr int kWeightTexels = kAtOut + 1 + kSssHidden3 + kSssHiddenShare;
+static_assert(16 * kWeightTexels <= 32768); // the shared memory that GL 4.3 guarantees
 
 // Four outputs to a texel: biases of a layer, then for every four outputs what they take from each input.
 std::vector<float> packNetwork(const float* w)
@@ -102,10 +105,13 @@ private:
     };
 
     const Gl& gl() const { return asset_.context->gl; }
+    bool computes() const { return hasNetwork_ && gl().hasCompute(); } // without network there is nothing to share
     void uploadMaterials() const;
     void uploadNetwork(const SssChannels& channels);
     void freeLit();
     Failure growLit(int lights);
+    void dispatchLights(int lights) const;
+    void drawLights(int lights) const;
     Failure lightProgram(int lanes, const Program** program);
     Failure rasterPrograms(bool further, int layers, RasterPrograms** programs);
     Failure growLayers(LayerTarget& target, int width, int height, int layers);
@@ -211,14 +217,17 @@ Failure GpuSss::lightProgram(int lanes, const Program** program)
 {
     *program = &lightPass_[lanes];
     if ((*program)->name) return {};
-    const std::string common = commonDefines(asset_) + define("LANES", lanes) + define("HAS_VISIBILITY", int(hasVisibility_)) +
+    const std::string common = define("LANES", lanes) + define("COMPUTE", int(computes())) + define("GROUP", kWorkgroup) +
+                               define("HAS_VISIBILITY", int(hasVisibility_)) +
                                define("HAS_NETWORK", int(hasNetwork_)) + define("HAS_SHARE", int(hasShare_)) + define("H1", kSssHidden1) +
                                define("H2", kSssHidden2) + define("H3", kSssHidden3) + define("HS", kSssHiddenShare) + define("AT_LIGHT", kAtLight) +
                                define("AT_SECOND", kAtSecond) + define("AT_THIRD", kAtThird) + define("AT_SHARE", kAtShare) + define("AT_OUT", kAtOut) +
-                               define("LEAK", kSssLeak) + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kVisibilityMapGlsl;
+                               define("AT_END", kWeightTexels) + define("LEAK", kSssLeak) + shaders::kLightGlsl + shaders::kVisibilityMapGlsl +
+                               (hasNetwork_ ? shaders::kSssNetworkGlsl : "") + shaders::kSssLightGlsl;
+    const auto samplers = {"uGeometry", "uLights", "uFirst", "uWeights", "uVisibility"};
+    if (computes()) return compileCompute(gl(), "light", commonDefines(asset_, 430) + common + shaders::kSssLightCompGlsl, samplers, &lightPass_[lanes]);
     return compile(gl(), "light", commonDefines(asset_) + shaders::kFullscreenVertGlsl,
-                   common + (hasNetwork_ ? shaders::kSssNetworkGlsl : "") + shaders::kSssLightFragGlsl,
-                   {"uGeometry", "uLights", "uFirst", "uWeights", "uVisibility"}, &lightPass_[lanes]);
+                   commonDefines(asset_) + shaders::kPassGlsl + common + shaders::kSssLightFragGlsl, samplers, &lightPass_[lanes]);
 }
 
 Failure GpuSss::rasterPrograms(bool further, int layers, RasterPrograms** programs)
@@ -269,6 +278,24 @@ Failure GpuSss::growLit(int lights)
     return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(lights) + " lights; use fewer"};
 }
 
+/// The light pass, its program and textures bound.
+void GpuSss::dispatchLights(int lights) const
+{
+    gl().BindImageTexture(0, lit_, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA32F);
+    gl().MemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT); // the frame before has read what is overwritten
+    gl().DispatchCompute(GLuint(asset_.width + kWorkgroup - 1) / kWorkgroup, GLuint(asset_.rows), GLuint(groupsOf(lights)));
+    gl().MemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
+    gl().UseProgram(0); // Mesa holds on to a program that comes right after one of compute, even if it is deleted
+}
+
+void GpuSss::drawLights(int lights) const
+{
+    constexpr GLenum attachments[kMostLanes] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2, GL_COLOR_ATTACHMENT3};
+    gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, litFramebuffer_);
+    gl().DrawBuffers(lanesOf(lights), attachments);
+    runPass(asset_, litFramebuffer_, asset_.rows * groupsOf(lights));
+}
+
 Failure GpuSss::relight(const DrawFrame& frame, bool lightsChanged)
 {
     const bool viewChanged = hasNetwork_ && (!seen_ || seenFrom_ != frame.cameraAsset);
@@ -290,10 +317,8 @@ Failure GpuSss::relight(const DrawFrame& frame, bool lightsChanged)
         gl().Uniform1f(program->inverseSize, inverseSize_);
         gl().Uniform1i(program->lightCount, lights);
         gl().Uniform1i(program->oneLoop, 1);
-        constexpr GLenum attachments[kMostLanes] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2, GL_COLOR_ATTACHMENT3};
-        gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, litFramebuffer_);
-        gl().DrawBuffers(lanesOf(lights), attachments);
-        runPass(asset_, litFramebuffer_, asset_.rows * groupsOf(lights));
+        if (computes()) dispatchLights(lights);
+        else drawLights(lights);
     }
     if (sumPass) {
         gl().UseProgram(sumPass_.name);

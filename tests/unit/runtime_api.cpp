@@ -357,6 +357,13 @@ static std::map<std::string, std::vector<double>> snapshot()
         glGetIntegeri_v(GL_UNIFORM_BUFFER_BINDING, i, &v);
         state["uniform buffer " + std::to_string(i)] = {double(v)};
     }
+    for (GLuint i = 0; i < 8; ++i)
+        for (const GLenum what : {GL_IMAGE_BINDING_NAME, GL_IMAGE_BINDING_LEVEL, GL_IMAGE_BINDING_LAYERED, GL_IMAGE_BINDING_LAYER, GL_IMAGE_BINDING_ACCESS,
+                                  GL_IMAGE_BINDING_FORMAT}) {
+            GLint v = 0;
+            glGetIntegeri_v(what, i, &v);
+            state["image " + std::to_string(i)].push_back(v);
+        }
     return state;
 }
 
@@ -396,6 +403,7 @@ static void scramble(GLuint framebuffer)
         glBindTexture(GL_TEXTURE_2D_ARRAY, t[1]);
         glBindSampler(unit, sampler);
         glSamplerParameteri(sampler, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR); // would make our textures incomplete
+        glBindImageTexture(unit, t[1], 2, GL_FALSE, 3, GL_READ_WRITE, GL_R32F);
     }
     glActiveTexture(GL_TEXTURE6);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 8);

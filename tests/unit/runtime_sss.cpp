@@ -75,6 +75,48 @@ TEST_CASE("sss: more lights than one G-buffer holds match the reference, and lig
         if (i % 4 != 3) REQUIRE(std::abs(brighter.rgba[i] - 2 * all.rgba[i]) < 2e-3f * (1 + all.rgba[i]));
 }
 
+static int dispatches = 0;
+static void* countDispatches(const char* name, void* user)
+{
+    static constexpr auto kDispatch = [](GLuint x, GLuint y, GLuint z) { ++dispatches, glDispatchCompute(x, y, z); };
+    return std::strcmp(name, "glDispatchCompute") == 0 ? reinterpret_cast<void*>(+kDispatch) : HeadlessGl::getProcAddress(name, user);
+}
+static void* withoutCompute(const char* name, void* user)
+{
+    return std::strcmp(name, "glDispatchCompute") == 0 ? nullptr : HeadlessGl::getProcAddress(name, user);
+}
+
+TEST_CASE("sss: the network in a compute shader, where there is one, draws what it draws in fragments")
+{
+    if (!haveGl()) return;
+    Host fragments(withoutCompute), compute(countDispatches);
+    GLint major = 0, minor = 0;
+    glGetIntegerv(GL_MAJOR_VERSION, &major), glGetIntegerv(GL_MINOR_VERSION, &minor);
+    if (10 * major + minor < 43) {
+        MESSAGE("SKIPPED: no compute shaders before OpenGL 4.3, here is " << major << "." << minor);
+        return;
+    }
+    for (const size_t splats : {1, 64, 65, 700}) // workgroups that are not full
+        for (const int which : {0, int(kSssNetwork), int(kAllSss)})
+            for (const int lights : {1, 3, 6, 37}) {
+                CAPTURE(splats);
+                CAPTURE(which);
+                CAPTURE(lights);
+                const SplatAsset asset = randomSss(splats, which, 11);
+                const auto draw = [&](Host& host) {
+                    host.gl->makeCurrent();
+                    host.load(asset);
+                    return host.draw(offCentre(), lightsAround(lights));
+                };
+                const Image expected = draw(fragments);
+                dispatches = 0;
+                const Image drawn = draw(compute);
+                CHECK(dispatches == int((which & kSssNetwork) != 0));
+                CHECK(largest(expected) > 0.1f);
+                CHECK(largestDifference(drawn, expected) < 1e-3f * largest(expected));
+            }
+}
+
 TEST_CASE("sss: a grid of more rows than a texture has, were it as narrow as that of a small asset, takes the most lights")
 {
     if (!haveGl()) return;

@@ -2,25 +2,36 @@
 // four to a vec4; weight texel (first + rows * j + i) holds what four outputs 4j..4j+3 take from input i (packNetwork in
 // runtime/src/sss_gpu.cpp), and a row of biases comes before them.
 // H1 to HS: sizes of the layers; AT_*: where each layer begins. Without HAS_SHARE, for weights of 0 there, the share is 1.
+// COMPUTE: a workgroup of GROUP invocations reads them from shared memory, which fetchWeights fills.
 uniform sampler2D uWeights;
+uniform sampler2D uFirst; // slot j: outputs 4j..4j+3 of the first layer before light and view
 uniform int uOneLoop; // 1, but the compiler does not know: loops times that are not unrolled. All in one block of code, software rasterisers compile for minutes
 
-vec4 weight(int texel) { return texelFetch(uWeights, ivec2(texel & 1023, texel >> 10), 0); }
+vec4 weightTexel(int texel) { return texelFetch(uWeights, ivec2(texel & 1023, texel >> 10), 0); }
+#if COMPUTE
+shared vec4 sWeights[AT_END];
+vec4 weight(int texel) { return sWeights[texel]; }
+void fetchWeights()
+{
+    for (int i = int(gl_LocalInvocationIndex); i < AT_END; i += GROUP) sWeights[i] = weightTexel(i);
+    barrier();
+}
+#else
+vec4 weight(int texel) { return weightTexel(texel); }
+#endif
 mat4 block(int at) { return mat4(weight(at), weight(at + 1), weight(at + 2), weight(at + 3)); } // of four inputs and four outputs
 vec4 leaky(vec4 x) { return max(x, LEAK * x); }
 vec4 logistic(vec4 x) { return 1.0 / (1.0 + exp(-clamp(x, -80.0, 80.0))); }
 
-vec4 firstLayer(int j); // outputs 4j..4j+3 before light and view
-
 // x0, x1: the eight inputs that depend on light and view. answer: residual rgb, share. A layer's outputs go into the sums of the next one as
 // soon as they are known.
-void sssNetwork(vec4 x0[LANES], vec4 x1[LANES], out vec4 answer[LANES])
+void sssNetwork(ivec2 splat, vec4 x0[LANES], vec4 x1[LANES], out vec4 answer[LANES])
 {
     vec4 h2[LANES * H2 / 4], hs[LANES * HS / 4];
     for (int j = 0; j < H2 / 4; ++j)
         for (int l = 0; l < LANES; ++l) h2[LANES * j + l] = weight(AT_SECOND + j);
     for (int i = 0; i < H1 / 4 * uOneLoop; ++i) {
-        vec4 before = firstLayer(i), h1[LANES];
+        vec4 before = texelFetch(uFirst, slotTexel(splat, i), 0), h1[LANES];
         mat4 a = block(AT_LIGHT + 8 * i), b = block(AT_LIGHT + 8 * i + 4);
         for (int l = 0; l < LANES; ++l) h1[l] = leaky(before + a * x0[l] + b * x1[l]);
         for (int j = 0; j < H2 / 4; ++j) {
