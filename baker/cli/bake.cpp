@@ -239,7 +239,7 @@ Action addBake(CLI::App& app)
                     "For comparisons: train without these (s: other view dependence, lobe: highlights, visibility: hard shadows, "
                     "sharing: gloss and "
                     "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam; "
-                    "sss: residual, share, visibility)")
+                    "sss: residual, share, visibility, dullness: roughness found from above)")
         ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share"}))
         ->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")

@@ -3,11 +3,13 @@
 #include "appearance/sss/sss_network_backward.h"
 #include "appearance/sss/sss_network_simd.h"
 #include "appearance/sss/sss_resolve.h"
+#include "appearance/trainable.h"
 #include "base/fibonacci_sphere.h"
 #include "splat/random.h"
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -445,6 +447,43 @@ TEST_CASE("sss: a network of zeros lets light in as visibility says, and adds a 
     const SssActivations<double> a = sssNetworkLight(w.data(), first, in.light);
     CHECK(a.share == 1.0);
     CHECK(a.residual[1] == 0.5);
+}
+
+TEST_CASE("sss: without dullness splats start again shiny, but for those that keep it; a saved model knows that they have")
+{
+    const auto roughness = [](const TrainableAppearance& model) {
+        const std::vector<Channel> channels = model.exportChannels();
+        const Channel& material = *std::find_if(channels.begin(), channels.end(), [](const Channel& c) { return c.name == "material"; });
+        std::vector<float> out;
+        for (size_t i = 0; i < model.count(); ++i) out.push_back(material.values[material.components * i]);
+        return out;
+    };
+    const auto tries = [](const TrainableAppearance& model) {
+        const std::vector<OptionalPart> parts = model.optionalParts();
+        return std::any_of(parts.begin(), parts.end(), [](const OptionalPart& p) { return p.name == "dullness" && p.bySplat; });
+    };
+    const auto model = makeTrainableAppearance("sss", {});
+    model->resize(3);
+    CHECK(tries(*model));
+    const float dull = roughness(*model)[0];
+    model->leaveOut("dullness", std::vector<uint8_t>{1, 0, 0});
+    const std::vector<float> some = roughness(*model);
+    CHECK(some[0] == dull);
+    CHECK(some[1] < 0.5f * dull);
+    CHECK(some[1] == some[2]);
+    CHECK_FALSE(tries(*model));
+    ByteWriter saved;
+    model->save(saved);
+    const auto loaded = makeTrainableAppearance("sss", {});
+    ByteReader in(saved.bytes);
+    REQUIRE(loaded->load(in));
+    CHECK(roughness(*loaded) == some);
+    CHECK_FALSE(tries(*loaded));
+    AppearanceOptions shiny;
+    shiny.without = {"dullness"};
+    const auto never = makeTrainableAppearance("sss", shiny);
+    never->resize(1);
+    CHECK(roughness(*never)[0] == some[1]);
 }
 
 TEST_CASE("sss: sixteen Gaussians at once give what each gives alone, and the sum of their gradients")

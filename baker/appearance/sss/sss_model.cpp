@@ -37,6 +37,11 @@ constexpr double kNormalsUntil = 0.2;
 // When optional parts are judged, and what they have to be worth, in dB. A residual that only takes over errors of the surface
 // terms is worth 0.3 to 0.7 dB to objects that do not scatter, a real one 4 to 6.
 constexpr double kPartsJudgedAt = 0.3, kResidualWorth = 1.0, kShareWorth = 0.0, kVisibilityWorth = 0.1;
+// A highlight that is narrower than the lobe hardly pulls at it: it covers few pixels, and the light that leaves the rest of the lobe is missing
+// there. A lobe that is too narrow is wrong at once and widens. So bakes find out whether surfaces do better from a roughness of 0.2 than as
+// dull as they have become, once their normals are known.
+constexpr double kDullnessWorth = 0.1;
+constexpr float kShiny = -1.386f; // through the logistic function 0.2
 // Base colour, share and 1 - metalness and 1 - subsurfaceness multiply, so an image tells only their product. Per splat and unit,
 // these pull to a share of 1, and to no metal and no scattering, what the images leave open. (A stone of roughness 0.35 and base
 // colour 0.6, 0.25, 0.15 without scattering, 2000 steps: base colour off by 0.061 without pulls, 0.035 with; test 39.03 and 39.56
@@ -208,11 +213,13 @@ public:
         if (residualOn_) parts.push_back({"residual", kPartsJudgedAt, kResidualWorth});
         if (weights_.share) parts.push_back({"share", kPartsJudgedAt, kShareWorth});
         if (!visibility_.empty()) parts.push_back({"visibility", kPartsJudgedAt, kVisibilityWorth});
+        if (dull_) parts.push_back({"dullness", kPartsJudgedAt, kDullnessWorth, true});
         return parts;
     }
 
-    void leaveOut(const std::string& part, std::span<const uint8_t>) override
+    void leaveOut(const std::string& part, std::span<const uint8_t> kept) override
     {
+        if (part == "dullness") startShiny(kept);
         if (part == "residual") residualOn_ = false;
         if (part == "share") weights_.share = false;
         if (part == "visibility") visibilityOn_ = false, visibility_.clear();
@@ -240,7 +247,7 @@ public:
         out.array(row_), out.array(momentum_), out.array(second_), out.array(visibility_);
         out.array(weights_.value), out.array(networkMomentum_), out.array(networkSecond_);
         out.array(std::vector<float>(frame_, frame_ + 4));
-        out.value(int32_t(renewed_)), out.value(uint8_t(residualOn_ | weights_.share << 1 | visibilityOn_ << 2));
+        out.value(int32_t(renewed_)), out.value(uint8_t(residualOn_ | weights_.share << 1 | visibilityOn_ << 2 | dull_ << 3));
     }
 
     bool load(ByteReader& in) override
@@ -251,7 +258,7 @@ public:
         in.array(frame);
         renewed_ = in.value<int32_t>();
         const uint8_t parts = in.value<uint8_t>();
-        residualOn_ = parts & 1, weights_.share = parts & 2, visibilityOn_ = parts & 4;
+        residualOn_ = parts & 1, weights_.share = parts & 2, visibilityOn_ = parts & 4, dull_ = parts & 8;
         const size_t n = row_.size();
         if (in.failed || momentum_.size() != n || second_.size() != n ||
             (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) || weights_.value.size() != kSssWeights ||
@@ -264,6 +271,15 @@ public:
     }
 
 private:
+    // All splats, or those not kept.
+    void startShiny(std::span<const uint8_t> kept)
+    {
+        for (size_t i = 0; i < row_.size(); ++i)
+            if (kept.empty() || !kept[i]) row_[i][kRough] = std::min(row_[i][kRough], kShiny), momentum_[i][kRough] = 0;
+        start_[kRough] = kShiny;
+        dull_ = false;
+    }
+
     static bool isActive(const VisibleView& view, const uint8_t* active, size_t splat)
     {
         const uint32_t v = view.visibleFromSplat[splat];
@@ -433,6 +449,7 @@ private:
     float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
     Row start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
     bool residualOn_ = true, visibilityOn_ = true;
+    bool dull_ = true;                  // roughness has not been started again
     bool nearness_;                     // the network is told how near a light is
     SssWeights weights_;
     std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;
