@@ -37,7 +37,7 @@ struct VisibleView {
     size_t visibleCount = 0;
 };
 
-/// A group of channels that an asset can do without.
+/// A group of channels that an asset can do without; or what values have become, that may be better started again (dullness of sss).
 struct OptionalPart {
     std::string name;
     double judgedAt;   // fraction of the bake: when it has to show what it is worth

@@ -240,7 +240,7 @@ Action addBake(CLI::App& app)
                     "sharing: gloss and "
                     "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam; "
                     "sss: residual, share, visibility, dullness: roughness found from above)")
-        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share"}))
+        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share", "dullness"}))
         ->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")
         ->check(numberBetween(0, 1));

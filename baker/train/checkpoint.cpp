@@ -5,7 +5,7 @@
 
 namespace nacre {
 
-constexpr uint32_t kMagic = 0x504b434e, kVersion = 7;
+constexpr uint32_t kMagic = 0x504b434e, kVersion = 8;
 
 std::vector<std::byte> encodeCheckpoint(uint64_t optionsHash, const BakeState& state, const Trainer& trainer)
 {
