@@ -16,6 +16,21 @@ static constexpr GLenum kToggles[] = {
 
 static void set(const Gl& gl, GLenum what, GLboolean on) { (on ? gl.Enable : gl.Disable)(what); }
 
+ImageUnitGuard::ImageUnitGuard(const Gl& gl) : gl_(gl)
+{
+    gl.GetIntegeri_v(GL_IMAGE_BINDING_NAME, 0, &name_);
+    gl.GetIntegeri_v(GL_IMAGE_BINDING_LEVEL, 0, &level_);
+    gl.GetIntegeri_v(GL_IMAGE_BINDING_LAYERED, 0, &layered_);
+    gl.GetIntegeri_v(GL_IMAGE_BINDING_LAYER, 0, &layer_);
+    gl.GetIntegeri_v(GL_IMAGE_BINDING_ACCESS, 0, &access_);
+    gl.GetIntegeri_v(GL_IMAGE_BINDING_FORMAT, 0, &format_);
+}
+
+ImageUnitGuard::~ImageUnitGuard()
+{
+    gl_.BindImageTexture(0, GLuint(name_), level_, GLboolean(layered_), layer_, GLenum(access_), GLenum(format_));
+}
+
 GlStateGuard::Blend GlStateGuard::readBlend(int i) const
 {
     Blend b;
@@ -52,14 +67,6 @@ GlStateGuard::GlStateGuard(const Gl& gl) : gl_(gl), drawBufferCount_(std::min(gl
         gl.GetIntegerv(GL_TEXTURE_BINDING_2D_ARRAY, &units_[i].texture2DArray);
         gl.GetIntegerv(GL_SAMPLER_BINDING, &units_[i].sampler);
         gl.BindSampler(i, 0);
-    }
-    if (gl.hasCompute()) {
-        gl.GetIntegeri_v(GL_IMAGE_BINDING_NAME, 0, &image_.name);
-        gl.GetIntegeri_v(GL_IMAGE_BINDING_LEVEL, 0, &image_.level);
-        gl.GetIntegeri_v(GL_IMAGE_BINDING_LAYERED, 0, &image_.layered);
-        gl.GetIntegeri_v(GL_IMAGE_BINDING_LAYER, 0, &image_.layer);
-        gl.GetIntegeri_v(GL_IMAGE_BINDING_ACCESS, 0, &image_.access);
-        gl.GetIntegeri_v(GL_IMAGE_BINDING_FORMAT, 0, &image_.format);
     }
     for (size_t i = 0; i < std::size(kUnpack); ++i) {
         gl.GetIntegerv(kUnpack[i], &unpack_[i]);
@@ -140,8 +147,6 @@ GlStateGuard::~GlStateGuard()
         gl.BindSampler(i, GLuint(units_[i].sampler));
     }
     gl.ActiveTexture(GLenum(activeTexture_));
-    if (gl.hasCompute())
-        gl.BindImageTexture(0, GLuint(image_.name), image_.level, GLboolean(image_.layered), image_.layer, GLenum(image_.access), GLenum(image_.format));
     for (size_t i = 0; i < std::size(kUnpack); ++i) gl.PixelStorei(kUnpack[i], unpack_[i]);
     for (size_t i = 0; i < std::size(kToggles); ++i) set(gl, kToggles[i], toggles_[i]);
     const Blend& first = drawBuffers_[0].factors;

@@ -1,4 +1,4 @@
-// Saves every piece of GL state the runtime touches and puts it back on scope exit.
+// Saves every piece of GL state the runtime touches and puts it back on scope exit; what only compute shaders touch has a guard of its own.
 //
 // Left as the host set it, on purpose: during the final draw the host's framebuffer, draw buffers, colour mask of draw buffer 0,
 // viewport, scissor, stencil test, depth function, depth clamp, sRGB encoding, multisampling and clip control apply. Draw buffers after
@@ -11,7 +11,7 @@
 
 namespace nacre {
 
-constexpr int kTextureUnits = 6; // units 0..5 are used; of image units, 0
+constexpr int kTextureUnits = 6; // units 0..5 are used
 
 /// x, y, width, height of viewport 0; leaves the host's other viewports alone.
 void setViewport(const Gl& gl, const float box[4]);
@@ -37,7 +37,6 @@ private:
     static constexpr int kMaxDrawBuffers = 8;
     static constexpr size_t kToggleCount = 18;
     struct Unit { GLint texture2D, texture2DArray, sampler; };
-    struct Image { GLint name, level, layered, layer, access, format; };
     struct Blend { GLint srcRgb, dstRgb, srcAlpha, dstAlpha, equationRgb, equationAlpha; };
     struct DrawBuffer { GLboolean blend, mask[4]; Blend factors; };
 
@@ -48,13 +47,25 @@ private:
     int drawBufferCount_;
     GLint drawFramebuffer_, readFramebuffer_, vertexArray_, program_, activeTexture_, unpackBuffer_;
     std::array<Unit, kTextureUnits> units_;
-    Image image_;
     std::array<DrawBuffer, kMaxDrawBuffers> drawBuffers_;
     std::array<GLint, 8> unpack_;
     std::array<GLboolean, kToggleCount> toggles_;
     GLint polygonMode_[2];
     GLboolean depthTest_, depthMask_, scissor_;
     float viewport_[4];
+};
+
+/// Image unit 0. Only where there are compute shaders.
+class ImageUnitGuard {
+public:
+    explicit ImageUnitGuard(const Gl& gl);
+    ~ImageUnitGuard();
+    ImageUnitGuard(const ImageUnitGuard&) = delete;
+    ImageUnitGuard& operator=(const ImageUnitGuard&) = delete;
+
+private:
+    const Gl& gl_;
+    GLint name_ = 0, level_ = 0, layered_ = 0, layer_ = 0, access_ = 0, format_ = 0;
 };
 
 } // namespace nacre

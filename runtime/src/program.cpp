@@ -48,10 +48,12 @@ static GLuint compileStage(const Gl& gl, GLenum stage, const std::string& source
     return 0;
 }
 
+namespace {
 struct Stage {
     GLenum kind;
     const std::string& source;
 };
+} // namespace
 
 static Failure link(const Gl& gl, const char* what, std::initializer_list<Stage> stages, std::initializer_list<const char*> samplers, Program* p)
 {

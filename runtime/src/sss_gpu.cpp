@@ -281,6 +281,7 @@ Failure GpuSss::growLit(int lights)
 /// The light pass, its program and textures bound.
 void GpuSss::dispatchLights(int lights) const
 {
+    const ImageUnitGuard hosts(gl());
     gl().BindImageTexture(0, lit_, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA32F);
     gl().MemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT); // the frame before has read what is overwritten
     gl().DispatchCompute(GLuint(asset_.width + kWorkgroup - 1) / kWorkgroup, GLuint(asset_.rows), GLuint(groupsOf(lights)));
