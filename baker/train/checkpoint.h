@@ -22,10 +22,23 @@ struct BakeState {
     std::vector<LightEvidence> lights; // with refineLights
 };
 
-/// `optionsHash` covers everything that shapes the result: dataset, model, quality, seed, caps, schedule.
+/// Of everything that shapes the result: dataset, model, quality, seed, caps, schedule. `options` as withDefaults leaves them.
+uint64_t optionsHash(const OlatDataset& dataset, const OlatSplit& split, const BakeOptions& options);
+
 std::vector<std::byte> encodeCheckpoint(uint64_t optionsHash, const BakeState& state, const Trainer& trainer);
 
 /// Errors kBadInput: damaged (checksum), from another bake (hash), does not fit. `trainer` is unusable after an error.
 Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, uint64_t optionsHash, Trainer& trainer);
+
+/// When the next checkpoint is due.
+class CheckpointPace {
+public:
+    CheckpointPace(double seconds, double progress) : seconds_(seconds), progress_(progress) {}
+    bool due(double seconds, double progress) const;
+    void written(double began, double ended, double progress);
+
+private:
+    double seconds_, progress_, took_ = 0; // of the last one
+};
 
 } // namespace nacre

@@ -11,6 +11,8 @@
 #include "base/image.h"
 #include "render/aligned_vector.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -38,6 +40,12 @@ struct LossStats {
     double squaredError = 0, count = 0;             // of Γ values
     double squaredErrorMasked = 0, countMasked = 0; // where reference alpha > 0.5
 };
+
+/// dB, at most 100.
+inline double psnrFrom(double squaredError, double count)
+{
+    return -10.0 * std::log10(std::max(squaredError / std::max(count, 1.0), 1e-10));
+}
 
 /// Squared error of the displayed images under all lights, per pixel; 0 where reference alpha <= 0.5. planes and references as
 /// ImageLoss::evaluate takes them; errors[height][width].

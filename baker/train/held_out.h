@@ -1,0 +1,18 @@
+// How good the splats are on images that they are not trained on, while they train.
+#pragma once
+
+#include "train/trainer.h"
+#include "train/training_images.h"
+
+namespace nacre {
+
+/// PSNR in dB, means over images.
+struct HeldOutPsnr {
+    double whole = 0, masked = 0; // masked: of the object's pixels
+    int images = 0;
+};
+
+/// Over all images of the split under point and directional lights. Errors: those of loading an image.
+Result<HeldOutPsnr> measureHeldOut(Trainer& trainer, const OlatSplit& split, TrainingImages& images);
+
+} // namespace nacre

@@ -1,0 +1,32 @@
+// What a bake starts from: all that is found in the dataset before the first step.
+#pragma once
+
+#include "train/bake.h"
+#include "train/step_order.h"
+#include "train/trainer.h"
+#include "train/training_images.h"
+
+#include <functional>
+
+namespace nacre {
+
+struct Preparation {
+    const OlatSplit* split = nullptr; // to train
+    std::vector<CameraImages> views;  // its images that train
+    std::unique_ptr<TrainingImages> images;
+    glm::vec3 center{0};              // of the object
+    TrainerOptions trainer;
+    AppearanceOptions appearance;
+    std::vector<SurfacePoint> points; // where the first splats lie,
+    float spacing = 0;                // so far apart,
+    bool flat = false;                // and whether on a surface
+    std::vector<std::string> warnings;
+};
+
+/// Called often, with the name of what is being done ("loading", "hull"). An error ends the preparation with it.
+using Tick = std::function<Status(const char* stage)>;
+
+/// `options` as withDefaults leaves them. The result refers to the dataset. Errors: a dataset that nothing can be learned from.
+Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& options, const Tick& tick);
+
+} // namespace nacre

@@ -1,0 +1,46 @@
+#include "train/training_steps.h"
+
+namespace nacre {
+
+constexpr int kRefineLightsEvery = 8;     // steps
+constexpr double kRefineLightsFrom = 0.1; // of the bake: before, the splats are still too wrong to tell
+
+TrainingSteps::TrainingSteps(const OlatSplit& split, TrainingImages& images, StepOrder order, Trainer& trainer,
+                             LightRefinement* refinement)
+    : split_(split), images_(images), order_(std::move(order)), trainer_(trainer), refinement_(refinement)
+{
+}
+
+Result<LossStats> TrainingSteps::take(const Trainer::Moment& moment)
+{
+    const bool refines = moment.progress >= kRefineLightsFrom && moment.step % kRefineLightsEvery == 0;
+    return take(moment, refines, nullptr);
+}
+
+Result<LossStats> TrainingSteps::takeOnTrial(const Trainer::Moment& moment, double* splatErrors)
+{
+    return take(moment, false, splatErrors);
+}
+
+Result<LossStats> TrainingSteps::take(const Trainer::Moment& moment, bool refines, double* splatErrors)
+{
+    const CameraImages view = order_.at(moment.step);
+    std::vector<std::shared_ptr<const PreparedImage>> held;
+    const PreparedImage* references[kMaxLightsPerStep];
+    Light lights[kMaxLightsPerStep];
+    for (size_t i = 0; i < view.images.size(); ++i) {
+        auto image = images_.get(view.images[i]);
+        if (!image) return image.error();
+        held.push_back(*image);
+        references[i] = held.back().get();
+        lights[i] = refinement_ ? refinement_->light(view.images[i]) : split_.images[view.images[i]].light;
+    }
+    const Camera& camera = split_.cameras[view.camera];
+    // before the step, when the splats have not just been fitted to these images
+    if (refinement_ && refines)
+        refinement_->observe(view.images, references,
+                             [&](std::span<const Light> l, std::vector<float>& planes) { trainer_.render(camera, l, planes); });
+    return trainer_.step(camera, std::span(lights, view.images.size()), references, moment, splatErrors);
+}
+
+} // namespace nacre
