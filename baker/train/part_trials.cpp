@@ -6,11 +6,9 @@
 
 #include <algorithm>
 
-namespace nacre
-{
+namespace nacre {
 
-namespace
-{
+namespace {
 
 constexpr double kTrialLength = 0.03, kTrialMost = 0.1; // of the bake,
 constexpr double kTrialLeast = 150;                     // but at least so many steps, up to kTrialMost

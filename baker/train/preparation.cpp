@@ -9,11 +9,9 @@
 #include <limits>
 #include <numbers>
 
-namespace nacre
-{
+namespace nacre {
 
-namespace
-{
+namespace {
 
 constexpr int kMostPixelsPerSide = 8192;
 constexpr size_t kHullCameras = 200; // more silhouettes hardly change the hull

@@ -4,11 +4,9 @@
 #include <chrono>
 #include <cmath>
 
-namespace nacre
-{
+namespace nacre {
 
-namespace
-{
+namespace {
 
 struct Quality {
     const char* name;
