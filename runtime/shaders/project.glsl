@@ -9,6 +9,7 @@ uniform mat4 uClipFromView;
 uniform vec2 uViewport;       // pixels
 uniform float uJacobianLimit; // J is evaluated at ndc clamped to +- this
 uniform float uNear;          // clip w
+uniform vec4 uNearPlane;      // positive beyond it; GL clips there as well, but not under depth clamp
 uniform float uLowPass;       // pixels^2
 
 out vec2 vLocal;              // u
@@ -26,7 +27,7 @@ bool projectSplat(out ivec2 splat, out vec4 meanOpacity, out float opacity)
     meanOpacity = texelFetch(uGeometry, splat, 0);
     vec3 p = uViewFromAsset * meanOpacity.xyz + uViewTranslation;
     vec4 clip = uClipFromView * vec4(p, 1.0);
-    if (!(clip.w > uNear)) return false;
+    if (!(clip.w > uNear && dot(uNearPlane, vec4(p, 1.0)) > 0.0)) return false;
     vec2 ndc = clip.xy / clip.w;
 
     // Rows of J: derivative of the pixel position by the view position, at a clamped direction (off-screen splats stay tame).

@@ -8,6 +8,7 @@
 #pragma once
 
 #include "context.h"
+#include "gl_state.h"
 #include "gpu_model.h"
 #include "splats/splat_asset.h"
 
@@ -30,7 +31,9 @@ struct DrawFrame {
     glm::dmat4 assetFromWorld;
     glm::vec3 cameraAsset;
     float worldScale;              // world length of one asset unit
-    float nearW;                   // clip w at the near plane
+    ClipControl clip;              // of the host
+    glm::vec4 nearPlane;           // dot(nearPlane, (p, 1)) > 0 for what is beyond it, view space; tilted in mirrors and water
+    float nearW;                   // smallest clip w of the near plane within the frustum
     glm::vec2 viewport;            // pixels
     bool operator==(const DrawFrame&) const = default;
 };
@@ -83,7 +86,7 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
 void destroyAsset(NacreAssetImpl& asset);
 
 /// Checks and combines the host's matrices.
-Failure makeFrame(const NacreDrawDesc& desc, DrawFrame* frame);
+Failure makeFrame(const NacreDrawDesc& desc, const ClipControl& clip, DrawFrame* frame);
 
 /// Pixel (x, y) of the window looks along origin + x right + y up, asset space, any length. `viewport` as in GL.
 struct WindowRays {

@@ -73,7 +73,7 @@ Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
 {
     const NacreContextImpl& context = *asset.context;
     DrawFrame frame;
-    if (Failure f = makeFrame(desc, &frame)) return f;
+    if (Failure f = makeFrame(desc, clipControl(context.gl), &frame)) return f;
 
     if (Failure f = checkTarget(context.gl)) return f;
 

@@ -3,7 +3,9 @@
 
 #include <glm/gtc/type_ptr.hpp>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace nacre {
 
@@ -14,12 +16,12 @@ static bool allFinite(const float* m)
     return sum == 0.0f;
 }
 
-/// Rotation times a positive uniform scale, affine. `*scale` is the scale.
+/// Rotation, mirrored or not, times a uniform scale, affine. `*scale` is the scale, positive.
 static bool isSimilarity(const glm::dmat4& m, double* scale)
 {
     constexpr double kTolerance = 1e-3; // hosts compose float matrices; a deliberate stretch is larger
     const glm::dmat3 a(m);
-    const double k = std::cbrt(glm::determinant(a));
+    const double k = std::cbrt(std::abs(glm::determinant(a)));
     *scale = k;
     if (!(k > 1e-12) || m[0][3] != 0 || m[1][3] != 0 || m[2][3] != 0 || m[3][3] != 1) return false;
     const glm::dmat3 gram = glm::transpose(a) * a / (k * k);
@@ -29,18 +31,42 @@ static bool isSimilarity(const glm::dmat4& m, double* scale)
     return true;
 }
 
-/// View distance of the nearer of the two planes z = +-w of a perspective projection (reversed depth swaps them), times w per distance.
-static double nearW(const glm::dmat4& p)
+// A projection is taken as it comes: off centre, with the eye shifted in the projection (stereo), with a tilted near plane (mirrors and
+// water cut their frustum there), reversed. Rows 0, 1 and 3 give (x, y, w) of clip space as M p + m; the rest follows from them.
+
+/// M of the rows 0, 1 and 3.
+static glm::dmat3 xywFromView(const glm::dmat4& p)
 {
-    double nearest = 0;
-    for (const double side : {-1.0, 1.0}) {
-        const double distance = p[3][2] / (p[2][2] + side * p[2][3] * -1.0);
-        if (std::isfinite(distance) && distance > 0 && (nearest == 0 || distance < nearest)) nearest = distance;
-    }
-    return -p[2][3] * nearest;
+    return {glm::dvec3(p[0].x, p[0].y, p[0].w), glm::dvec3(p[1].x, p[1].y, p[1].w), glm::dvec3(p[2].x, p[2].y, p[2].w)};
 }
 
-Failure makeFrame(const NacreDrawDesc& desc, DrawFrame* frame)
+/// Where all rays meet: x = y = w = 0.
+static glm::dvec3 eyeOfProjection(const glm::dmat4& p) { return -(glm::inverse(xywFromView(p)) * glm::dvec3(p[3].x, p[3].y, p[3].w)); }
+
+/// Along every ray from the eye z / w is a + b / w with one b = row 2 at the eye. Usually it grows, and the near plane is z = -w (or 0);
+/// reversed, it is z = w.
+static glm::dvec4 nearPlane(const glm::dmat4& p, const glm::dvec3& eye, bool zeroToOne)
+{
+    const glm::dmat4 rows = glm::transpose(p);
+    if (glm::dot(rows[2], glm::dvec4(eye, 1)) > 0) return rows[3] - rows[2];
+    return zeroToOne ? rows[2] : rows[2] + rows[3];
+}
+
+/// Smallest clip w of the near plane within the frustum: of a plane it lies in a corner. Infinite if the plane hides the whole frustum.
+static double nearW(const glm::dmat4& p, const glm::dvec3& eye, const glm::dvec4& plane)
+{
+    const glm::dmat3 viewFromXyw = glm::inverse(xywFromView(p));
+    const double atEye = glm::dot(plane, glm::dvec4(eye, 1)); // not positive
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const double x : {-1.0, 1.0})
+        for (const double y : {-1.0, 1.0}) {
+            const double slope = glm::dot(glm::dvec3(plane), viewFromXyw * glm::dvec3(x, y, 1.0)); // per w
+            if (slope > 0) nearest = std::min(nearest, std::max(-atEye / slope, 0.0));
+        }
+    return nearest;
+}
+
+Failure makeFrame(const NacreDrawDesc& desc, const ClipControl& clip, DrawFrame* frame)
 {
     const auto invalid = [](std::string text) { return Failure{NACRE_ERROR_INVALID_ARGUMENT, std::move(text)}; };
     const struct { const char* name; const float* m; } matrices[] = {
@@ -55,35 +81,41 @@ Failure makeFrame(const NacreDrawDesc& desc, DrawFrame* frame)
     const glm::dmat4 clipFromView(glm::make_mat4(desc.clipFromView));
     double worldScale = 0, viewScale = 0;
     if (!isSimilarity(worldFromAsset, &worldScale))
-        return invalid("worldFromAsset must be a rotation, a translation and one positive uniform scale");
+        return invalid("worldFromAsset must be a rotation (or a mirrored one), a translation and one uniform scale");
     if (!isSimilarity(viewFromWorld, &viewScale) || std::abs(viewScale - 1) > 1e-3)
-        return invalid("viewFromWorld must be rigid: a rotation and a translation");
+        return invalid("viewFromWorld must be rigid: a rotation (or a mirrored one) and a translation");
     if (!(clipFromView[2][3] < 0) || clipFromView[3][3] != 0 || clipFromView[0][3] != 0 || clipFromView[1][3] != 0)
         return invalid("clipFromView must be a perspective projection with clip w = -z (column-major, see nacre.h)");
 
+    if (!(std::abs(glm::determinant(xywFromView(clipFromView))) > 0))
+        return invalid("clipFromView flattens the picture: its first, second and fourth row do not span space");
+
     const glm::dmat4 viewFromAsset = viewFromWorld * worldFromAsset;
+    const glm::dvec3 eye = eyeOfProjection(clipFromView);
+    const glm::dvec4 plane = nearPlane(clipFromView, eye, clip.zeroToOne);
     frame->viewFromAsset = glm::mat3(viewFromAsset);
     frame->viewTranslation = glm::vec3(viewFromAsset[3]);
     frame->clipFromView = glm::make_mat4(desc.clipFromView);
     frame->assetFromWorld = glm::inverse(worldFromAsset);
-    frame->cameraAsset = glm::vec3(glm::inverse(viewFromAsset)[3]);
+    frame->cameraAsset = glm::vec3(glm::inverse(viewFromAsset) * glm::dvec4(eye, 1));
     frame->worldScale = float(worldScale);
-    frame->nearW = float(nearW(clipFromView));
+    frame->clip = clip;
+    frame->nearPlane = glm::vec4(plane);
+    frame->nearW = float(nearW(clipFromView, eye, plane));
     frame->viewport = {float(desc.viewportWidth), float(desc.viewportHeight)};
     return {};
 }
 
-// Inverts ndc.xy * w = P.xx (x, y, z) at z = -1, where w = -P[2][3].
+// The ray of (x, y, w) in clip space is M^-1 (x, y, w); here w = 1, so x and y are those of ndc.
 WindowRays windowRays(const DrawFrame& frame, const float viewport[4])
 {
-    const glm::dmat4 p(frame.clipFromView);
-    const glm::dmat2 inverse = glm::inverse(glm::dmat2(glm::dvec2(p[0]), glm::dvec2(p[1])));
     const glm::dmat3 assetFromView = glm::transpose(glm::dmat3(frame.viewFromAsset)); // times a scale, which does not matter
-    const double w = -p[2][3];
-    const glm::dvec2 step(2.0 * w / viewport[2], 2.0 * w / viewport[3]);
-    const glm::dvec2 start = glm::dvec2(-w, -w) - step * glm::dvec2(viewport[0], viewport[1]) + glm::dvec2(p[2]);
-    const auto ray = [&](glm::dvec2 ndcTimesW, double z) { return glm::vec3(assetFromView * glm::dvec3(inverse * ndcTimesW, z)); };
-    return {ray(start, -1.0), ray({step.x, 0.0}, 0.0), ray({0.0, step.y}, 0.0)};
+    const glm::dmat3 assetFromNdc = assetFromView * glm::inverse(xywFromView(glm::dmat4(frame.clipFromView)));
+    const double up = frame.clip.upperLeft ? -1.0 : 1.0; // of ndc, in the window
+    const glm::dvec2 step(2.0 / viewport[2], up * 2.0 / viewport[3]);
+    const glm::dvec2 start = glm::dvec2(-1.0, -up) - step * glm::dvec2(viewport[0], viewport[1]);
+    const auto ray = [&](double x, double y, double w) { return glm::vec3(assetFromNdc * glm::dvec3(x, y, w)); };
+    return {ray(start.x, start.y, 1), ray(step.x, 0, 0), ray(0, step.y, 0)};
 }
 
 } // namespace nacre

@@ -1,8 +1,21 @@
 #include "gl_api.h"
 
+#include <cstring>
+
 namespace nacre {
 
 static_assert(sizeof(void*) == sizeof(void (*)()), "getProcAddress hands functions over as void*");
+
+static bool hasExtension(const Gl& gl, const char* wanted)
+{
+    GLint count = 0;
+    gl.GetIntegerv(GL_NUM_EXTENSIONS, &count);
+    for (GLint i = 0; i < count; ++i) {
+        const GLubyte* name = gl.GetStringi(GL_EXTENSIONS, GLuint(i));
+        if (name && std::strcmp(reinterpret_cast<const char*>(name), wanted) == 0) return true;
+    }
+    return false;
+}
 
 std::string loadGl(NacreGetProcAddress getProcAddress, void* user, Gl* gl)
 {
@@ -24,9 +37,14 @@ std::string loadGl(NacreGetProcAddress getProcAddress, void* user, Gl* gl)
 
     // a driver may return stubs for newer functions: go by version, not by pointer
 #define X(TYPE, name) gl->name = reinterpret_cast<PFNGL##TYPE##PROC>(getProcAddress("gl" #name, user));
-    if (gl->version >= 41) { NACRE_GL_OPTIONAL_FUNCTIONS(X) }
-    if (gl->version >= 43) { NACRE_GL_COMPUTE_FUNCTIONS(X) }
+    if (gl->version >= 40) { NACRE_GL_40_FUNCTIONS(X) }
+    if (gl->version >= 41) { NACRE_GL_41_FUNCTIONS(X) }
+    if (gl->version >= 43) { NACRE_GL_43_FUNCTIONS(X) }
 #undef X
+    GLint profile = 0;
+    gl->GetIntegerv(GL_CONTEXT_PROFILE_MASK, &profile);
+    gl->compatibility = (profile & GL_CONTEXT_COMPATIBILITY_PROFILE_BIT) != 0;
+    gl->clipControl = gl->version >= 45 || hasExtension(*gl, "GL_ARB_clip_control");
     gl->GetIntegerv(GL_MAX_TEXTURE_SIZE, &gl->maxTextureSize);
     gl->GetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &gl->maxArrayLayers);
     gl->GetIntegerv(GL_MAX_DRAW_BUFFERS, &gl->maxDrawBuffers);

@@ -14,6 +14,10 @@ static constexpr GLenum kToggles[] = {
     GL_CLIP_DISTANCE0, GL_CLIP_DISTANCE1, GL_CLIP_DISTANCE2, GL_CLIP_DISTANCE3, GL_CLIP_DISTANCE4, GL_CLIP_DISTANCE5,
     GL_CLIP_DISTANCE6, GL_CLIP_DISTANCE7};
 
+// The same of a compatibility profile. Fixed functions that shaders replace (lighting, fog, texturing) do no harm.
+static constexpr GLenum kAlphaTest = 0x0BC0, kPolygonStipple = 0x0B42, kClampFragmentColor = 0x891B; // not in the core header
+static constexpr GLenum kLegacyToggles[] = {kAlphaTest, kPolygonStipple};
+
 static void set(const Gl& gl, GLenum what, GLboolean on) { (on ? gl.Enable : gl.Disable)(what); }
 
 ImageUnitGuard::ImageUnitGuard(const Gl& gl) : gl_(gl)
@@ -35,7 +39,7 @@ GlStateGuard::Blend GlStateGuard::readBlend(int i) const
 {
     Blend b;
     const auto get = [&](GLenum name, GLint* value) {
-        if (gl_.GetIntegeri_v) gl_.GetIntegeri_v(name, i, value);
+        if (gl_.version >= 40) gl_.GetIntegeri_v(name, GLuint(i), value);
         else gl_.GetIntegerv(name, value);
     };
     get(GL_BLEND_SRC_RGB, &b.srcRgb);
@@ -53,8 +57,25 @@ void setViewport(const Gl& gl, const float box[4])
     else gl.Viewport(GLint(box[0]), GLint(box[1]), GLsizei(box[2]), GLsizei(box[3]));
 }
 
+/// Indexed from 4.1 on, like the viewports: a plain call would switch the test of all.
+static void setScissor(const Gl& gl, bool on)
+{
+    if (gl.version >= 41) (on ? gl.Enablei : gl.Disablei)(GL_SCISSOR_TEST, 0);
+    else set(gl, GL_SCISSOR_TEST, on);
+}
+
+ClipControl clipControl(const Gl& gl)
+{
+    if (!gl.clipControl) return {};
+    GLint origin = GL_LOWER_LEFT, depth = GL_NEGATIVE_ONE_TO_ONE;
+    gl.GetIntegerv(GL_CLIP_ORIGIN, &origin);
+    gl.GetIntegerv(GL_CLIP_DEPTH_MODE, &depth);
+    return {origin == GL_UPPER_LEFT, depth == GL_ZERO_TO_ONE};
+}
+
 GlStateGuard::GlStateGuard(const Gl& gl) : gl_(gl), drawBufferCount_(std::min(gl.maxDrawBuffers, kMaxDrawBuffers))
 {
+    pauseTransformFeedback(); // first: while it runs, no other program can be used
     gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &drawFramebuffer_);
     gl.GetIntegerv(GL_READ_FRAMEBUFFER_BINDING, &readFramebuffer_);
     gl.GetIntegerv(GL_VERTEX_ARRAY_BINDING, &vertexArray_);
@@ -78,6 +99,15 @@ GlStateGuard::GlStateGuard(const Gl& gl) : gl_(gl), drawBufferCount_(std::min(gl
         toggles_[i] = gl.IsEnabled(kToggles[i]);
         if (toggles_[i]) gl.Disable(kToggles[i]);
     }
+    if (gl.compatibility) {
+        static_assert(std::size(kLegacyToggles) == kLegacyToggleCount);
+        for (size_t i = 0; i < std::size(kLegacyToggles); ++i) {
+            legacyToggles_[i] = gl.IsEnabled(kLegacyToggles[i]);
+            gl.Disable(kLegacyToggles[i]);
+        }
+        gl.GetIntegerv(kClampFragmentColor, &clampFragmentColor_);
+        gl.ClampColor(kClampFragmentColor, GL_FALSE);
+    }
     for (int i = 0; i < drawBufferCount_; ++i) {
         DrawBuffer& b = drawBuffers_[i];
         b.blend = gl.IsEnabledi(GL_BLEND, i);
@@ -90,7 +120,7 @@ GlStateGuard::GlStateGuard(const Gl& gl) : gl_(gl), drawBufferCount_(std::min(gl
     if (polygonMode_[1] == 0) polygonMode_[1] = polygonMode_[0];
     gl.PolygonMode(GL_FRONT_AND_BACK, GL_FILL);
     depthTest_ = gl.IsEnabled(GL_DEPTH_TEST);
-    scissor_ = gl.IsEnabledi(GL_SCISSOR_TEST, 0);
+    scissor_ = gl.version >= 41 ? gl.IsEnabledi(GL_SCISSOR_TEST, 0) : gl.IsEnabled(GL_SCISSOR_TEST);
     GLint depthMask = 0;
     gl.GetIntegerv(GL_DEPTH_WRITEMASK, &depthMask);
     depthMask_ = GLboolean(depthMask != 0);
@@ -100,7 +130,7 @@ GlStateGuard::GlStateGuard(const Gl& gl) : gl_(gl), drawBufferCount_(std::min(gl
 void GlStateGuard::beginPasses()
 {
     gl_.Disable(GL_DEPTH_TEST);
-    gl_.Disablei(GL_SCISSOR_TEST, 0);
+    setScissor(gl_, false);
     gl_.Disable(GL_BLEND);
 }
 
@@ -108,7 +138,7 @@ void GlStateGuard::beginDraw(bool depthTest)
 {
     gl_.BindFramebuffer(GL_DRAW_FRAMEBUFFER, GLuint(drawFramebuffer_));
     setViewport(gl_, viewport_);
-    if (scissor_) gl_.Enablei(GL_SCISSOR_TEST, 0);
+    setScissor(gl_, scissor_);
     const GLboolean* mask = drawBuffers_[0].mask;
     gl_.ColorMaski(0, mask[0], mask[1], mask[2], mask[3]);
     for (int i = 1; i < drawBufferCount_; ++i) gl_.ColorMaski(i, GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE); // splats have one output
@@ -118,7 +148,7 @@ void GlStateGuard::beginDraw(bool depthTest)
 void GlStateGuard::beginOffscreen(bool depthTest)
 {
     setViewport(gl_, viewport_);
-    gl_.Disablei(GL_SCISSOR_TEST, 0);
+    setScissor(gl_, false);
     for (int i = 0; i < drawBufferCount_; ++i) gl_.ColorMaski(i, GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     beginBlending(depthTest);
 }
@@ -169,8 +199,23 @@ GlStateGuard::~GlStateGuard()
     }
     set(gl, GL_DEPTH_TEST, depthTest_);
     gl.DepthMask(depthMask_);
-    (scissor_ ? gl.Enablei : gl.Disablei)(GL_SCISSOR_TEST, 0);
+    setScissor(gl, scissor_);
     setViewport(gl_, viewport_);
+    if (gl.compatibility) {
+        for (size_t i = 0; i < std::size(kLegacyToggles); ++i) set(gl, kLegacyToggles[i], legacyToggles_[i]);
+        gl.ClampColor(kClampFragmentColor, GLenum(clampFragmentColor_));
+    }
+    if (feedbackPaused_) gl.ResumeTransformFeedback(); // last: it demands the program it was begun with
+}
+
+void GlStateGuard::pauseTransformFeedback()
+{
+    if (gl_.version < 40) return; // cannot be asked nor paused; README tells the host
+    GLint active = 0, paused = 0;
+    gl_.GetIntegerv(GL_TRANSFORM_FEEDBACK_ACTIVE, &active);
+    gl_.GetIntegerv(GL_TRANSFORM_FEEDBACK_PAUSED, &paused);
+    feedbackPaused_ = active && !paused;
+    if (feedbackPaused_) gl_.PauseTransformFeedback();
 }
 
 } // namespace nacre

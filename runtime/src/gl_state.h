@@ -16,6 +16,13 @@ constexpr int kTextureUnits = 6; // units 0..5 are used
 /// x, y, width, height of viewport 0; leaves the host's other viewports alone.
 void setViewport(const Gl& gl, const float box[4]);
 
+/// What glClipControl says: where y = -1 of clip space lies, and whether its z starts at 0.
+struct ClipControl {
+    bool upperLeft = false, zeroToOne = false;
+    bool operator==(const ClipControl&) const = default;
+};
+ClipControl clipControl(const Gl& gl);
+
 class GlStateGuard {
 public:
     explicit GlStateGuard(const Gl& gl);
@@ -35,13 +42,14 @@ public:
 
 private:
     static constexpr int kMaxDrawBuffers = 8;
-    static constexpr size_t kToggleCount = 18;
+    static constexpr size_t kToggleCount = 18, kLegacyToggleCount = 2;
     struct Unit { GLint texture2D, texture2DArray, sampler; };
     struct Blend { GLint srcRgb, dstRgb, srcAlpha, dstAlpha, equationRgb, equationAlpha; };
     struct DrawBuffer { GLboolean blend, mask[4]; Blend factors; };
 
     Blend readBlend(int drawBuffer) const;
     void beginBlending(bool depthTest);
+    void pauseTransformFeedback();
 
     const Gl& gl_;
     int drawBufferCount_;
@@ -50,6 +58,9 @@ private:
     std::array<DrawBuffer, kMaxDrawBuffers> drawBuffers_;
     std::array<GLint, 8> unpack_;
     std::array<GLboolean, kToggleCount> toggles_;
+    std::array<GLboolean, kLegacyToggleCount> legacyToggles_{}; // compatibility profile
+    GLint clampFragmentColor_ = 0;
+    bool feedbackPaused_ = false;
     GLint polygonMode_[2];
     GLboolean depthTest_, depthMask_, scissor_;
     float viewport_[4];

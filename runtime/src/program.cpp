@@ -87,6 +87,7 @@ static Failure link(const Gl& gl, const char* what, std::initializer_list<Stage>
     p->viewport = at("uViewport");
     p->jacobianLimit = at("uJacobianLimit");
     p->nearW = at("uNear");
+    p->nearPlane = at("uNearPlane");
     p->lowPass = at("uLowPass");
     p->maxColor = at("uMaxColor");
     p->firstLight = at("uFirstLight");
@@ -124,6 +125,7 @@ void setSplatUniforms(const NacreAssetImpl& asset, const Program& p, const DrawF
     gl.Uniform2f(p.viewport, frame.viewport.x, frame.viewport.y);
     gl.Uniform1f(p.jacobianLimit, 1.0f + kJacobianMargin);
     gl.Uniform1f(p.nearW, frame.nearW);
+    gl.Uniform4f(p.nearPlane, frame.nearPlane.x, frame.nearPlane.y, frame.nearPlane.z, frame.nearPlane.w);
     gl.Uniform1f(p.lowPass, asset.lowPassVariance);
 }
 

@@ -42,7 +42,7 @@ bool sortSplats(NacreAssetImpl& asset, const DrawFrame& frame)
     for (uint32_t g = 0; g < asset.count; ++g) {
         const glm::vec3& p = asset.positions[g];
         const glm::vec3 view = frame.viewFromAsset * p + frame.viewTranslation;
-        const float w = glm::dot(cullX.wRow, view);
+        const float w = glm::dot(cullX.wRow, view) + cullX.wTranslation;
         const float scale = asset.maxScales[g] * frame.worldScale;
         if (!(w > 0.999f * frame.nearW)) continue; // a margin for rounding: the shader's test is the exact one
         if (!cullX.meets(view, w, scale, asset.lowPassVariance) || !cullY.meets(view, w, scale, asset.lowPassVariance)) continue;

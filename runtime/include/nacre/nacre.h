@@ -3,7 +3,8 @@
 // You own window, GL context, framebuffer, files and threads. Call every function that takes a NacreContext on the thread
 // where the GL context given to nacreContextCreate is current. GL 3.3 core or newer.
 //
-// Frames: right-handed; matrices are column-major float[16] that multiply column vectors, clip space is OpenGL's (z in [-w, w]).
+// Frames: right-handed; matrices are column-major float[16] that multiply column vectors, clip space is OpenGL's (z in [-w, w]) or what
+// glClipControl makes of it.
 // Colour: linear Rec.709 radiance. Draw into a linear float target (RGBA16F or RGBA32F) with premultiplied "over" blending.
 #ifndef NACRE_H
 #define NACRE_H
@@ -122,9 +123,9 @@ NACRE_API NacreResult nacreAssetSetEdits(NacreAsset asset, const NacreEdit* edit
 
 typedef struct NacreDrawDesc {
     size_t structSize;          // sizeof(NacreDrawDesc)
-    float worldFromAsset[16];   // rigid plus uniform scale
-    float viewFromWorld[16];    // rigid
-    float clipFromView[16];     // perspective projection; off-centre and jittered matrices are fine
+    float worldFromAsset[16];   // rigid, mirrored or not, plus uniform scale
+    float viewFromWorld[16];    // rigid, mirrored or not
+    float clipFromView[16];     // perspective projection; off-centre, jittered, reversed, with an oblique near plane: all are fine
     int viewportWidth;          // pixels of the viewport the host has set (origin as the host set it)
     int viewportHeight;
     int depthTest;              // 1: test splat centres against the bound depth buffer with the host's depth function; 0: no test
