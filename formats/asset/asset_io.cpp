@@ -1,4 +1,4 @@
-// The asset's way in and out of bytes and files: validation on both sides of the container (glb_reader.cpp, glb_writer.cpp).
+// The asset's way into bytes, and in and out of files.
 #include "asset/asset_io.h"
 
 #include "appearance/model_table.h"
@@ -13,14 +13,6 @@ Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset)
 {
     if (Status s = validate(asset); !s) return s.error();
     return glb::write(asset);
-}
-
-Result<SplatAsset> decodeAsset(std::span<const std::byte> bytes)
-{
-    Result<SplatAsset> asset = glb::read(bytes);
-    if (!asset) return asset;
-    if (Status s = validate(*asset); !s) return s.error();
-    return asset;
 }
 
 Result<SplatAsset> readAsset(const std::string& path)

@@ -2,11 +2,9 @@
 // channels in the vendor extension NACRE_gaussian_splatting_relight nested in it.
 #pragma once
 
-#include "base/result.h"
-#include "splats/splat_asset.h"
+#include "asset/asset_decode.h"
 
 #include <cstddef>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -14,9 +12,6 @@ namespace nacre {
 
 /// Serialises as the `lossless` profile: float32 throughout, deterministic bytes.
 Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset);
-
-/// Safe on untrusted input: sizes are checked before allocation, every value is validated. Errors name the part at fault.
-Result<SplatAsset> decodeAsset(std::span<const std::byte> bytes);
 
 Result<SplatAsset> readAsset(const std::string& path);
 

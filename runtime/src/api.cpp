@@ -2,7 +2,7 @@
 #include "asset.h"
 
 #include "appearance/sss/sss_edit.h"
-#include "asset/asset_io.h"
+#include "asset/asset_decode.h"
 #include "host_depth.h"
 
 #include <cmath>

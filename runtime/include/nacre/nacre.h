@@ -12,7 +12,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#if defined(_WIN32)
+// On Windows a host of the shared library defines NACRE_SHARED (nacre::runtime and nacre.pc do); NACRE_BUILDING belongs to our own build.
+#if defined(_WIN32) && defined(NACRE_SHARED) && defined(NACRE_BUILDING)
+#define NACRE_API __declspec(dllexport)
+#elif defined(_WIN32) && defined(NACRE_SHARED)
+#define NACRE_API __declspec(dllimport)
+#elif defined(_WIN32)
 #define NACRE_API
 #else
 #define NACRE_API __attribute__((visibility("default")))
