@@ -1,6 +1,8 @@
-// The training side of an appearance model, as the trainer sees it. One implementation per model, found through the table below.
+// The training side of an appearance model, as the trainer sees it. One implementation per model of
+// appearance/models.h.
 #pragma once
 
+#include "appearance/models.h"
 #include "base/byte_stream.h"
 #include "base/light.h"
 #include "render/projection.h"
@@ -86,7 +88,12 @@ struct AppearanceOptions {
     bool lightDistancesVary = false;    // sss: else nothing is to be learnt from how near a light is
 };
 
-/// nullptr if there is no such model.
+#define NACRE_MODEL(name) \
+    namespace name { std::unique_ptr<TrainableAppearance> makeTrainable(const AppearanceOptions& options); }
+NACRE_APPEARANCE_MODELS(NACRE_MODEL)
+#undef NACRE_MODEL
+
+/// By name; null if there is no such model.
 std::unique_ptr<TrainableAppearance> makeTrainableAppearance(const std::string& model, const AppearanceOptions& options);
 
 } // namespace nacre

@@ -1,6 +1,6 @@
 // Draws an asset with the scalar reference math only: projection.h, the model's header, reference_raster.h in float32, tiles in parallel.
 #include "appearance/model_table.h"
-#include "eval/reference_model.h"
+#include "appearance/reference_model.h"
 #include "eval/splat_renderer.h"
 #include "render/reference_raster.h"
 #include "render/tiles.h"
@@ -12,24 +12,6 @@
 #include <chrono>
 
 namespace nacre {
-
-std::unique_ptr<ReferenceModel> makeReferenceBigs(const SplatAsset& asset);
-std::unique_ptr<ReferenceModel> makeReferenceSss(const SplatAsset& asset);
-
-static constexpr struct {
-    const char* name;
-    std::unique_ptr<ReferenceModel> (*make)(const SplatAsset&);
-} kModels[] = {
-    {"bigs", makeReferenceBigs},
-    {"sss", makeReferenceSss},
-};
-
-std::unique_ptr<ReferenceModel> makeReferenceModel(const SplatAsset& asset)
-{
-    for (const auto& m : kModels)
-        if (asset.model == m.name) return m.make(asset);
-    return nullptr;
-}
 
 namespace {
 

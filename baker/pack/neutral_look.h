@@ -12,7 +12,7 @@ namespace nacre {
 /// Fits 16 SH functions per splat to its radiance under the sum of `lights` (typically the lights of the train split; at most 64,
 /// evenly picked, are used; environments are skipped). The exposure is such that a white Lambertian surface at the middle of the
 /// asset that faces the mean light direction has radiance 1. Same result for any number of threads.
-/// Errors kBadInput: invalid asset, no point or directional light, all of them dark. kUnsupported: not a bigs asset.
+/// Errors kBadInput: invalid asset, no point or directional light, all of them dark.
 Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Light> lights);
 
 } // namespace nacre

@@ -1,9 +1,6 @@
 // The table of appearance models, and the border check every asset passes when it is read, written or handed to a renderer.
 #include "appearance/model_table.h"
 
-#include "appearance/bigs/bigs.h"
-#include "appearance/sss/sss_asset.h"
-
 #include <algorithm>
 #include <cmath>
 
@@ -12,25 +9,11 @@ namespace {
 
 std::vector<AppearanceModel> makeTable()
 {
-    const auto pairs = [](int functions) { return uint32_t(3 * bigsPairCount(functions)); };
-    return {
-        {"bigs",
-         "bidirectional Gaussian primitives: per-splat spherical-harmonic light transport, linear in light",
-         {{"tDir", {25}},
-          {"tInd", {75}},
-          {"rho", {3}},
-          {"s", {0, pairs(1), pairs(4), pairs(9), pairs(16), pairs(25)}, ChannelType::kFloat, false, true}, // 0: the channel may be absent
-          {"lobe", {0, kBigsLobeFloats}},
-          {"visibility", {0, 256, 1024}, ChannelType::kUnorm8},
-          {"shadow", {0, 1}}}},
-        {"sss",
-         "subsurface splats: deferred PBR with editable materials, and a small network for light beneath the surface, linear in light",
-         {{"baseColor", {3}},
-          {"material", {2, 3}}, // without subsurfaceness, with it
-          {"normal", {3}},
-          {"visibility", {0, 256, 1024}, ChannelType::kUnorm8},
-          {"network", {0, kSssNetworkFloats}, ChannelType::kFloat, true}}},
-    };
+    std::vector<AppearanceModel> table;
+#define NACRE_MODEL(name) table.push_back({#name, name::summary(), name::channels()});
+    NACRE_APPEARANCE_MODELS(NACRE_MODEL)
+#undef NACRE_MODEL
+    return table;
 }
 
 std::string sizesText(const ChannelSpec& spec)

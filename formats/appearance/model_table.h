@@ -1,6 +1,7 @@
-// The appearance models Nacre knows, and the channels each stores per splat. A new model is one folder and one line here.
+// What an asset may hold: the channels that each appearance model stores per splat.
 #pragma once
 
+#include "appearance/models.h"
 #include "base/result.h"
 #include "splats/splat_asset.h"
 
@@ -26,6 +27,15 @@ struct AppearanceModel {
     std::vector<ChannelSpec> channels;
 };
 
+#define NACRE_MODEL(name)             \
+    namespace name {                  \
+    const char* summary();            \
+    std::vector<ChannelSpec> channels(); \
+    }
+NACRE_APPEARANCE_MODELS(NACRE_MODEL)
+#undef NACRE_MODEL
+
+/// All of them, in the order of models.h.
 std::span<const AppearanceModel> appearanceModels();
 
 /// nullptr when there is no such model.

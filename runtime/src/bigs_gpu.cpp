@@ -268,6 +268,6 @@ Failure GpuBigs::raster(const DrawFrame& frame, bool depthTest, GlStateGuard& st
 
 } // namespace
 
-std::unique_ptr<GpuModel> makeGpuBigs(NacreAssetImpl& asset) { return std::make_unique<GpuBigs>(asset); }
+std::unique_ptr<GpuModel> bigs::makeGpuModel(NacreAssetImpl& asset) { return std::make_unique<GpuBigs>(asset); }
 
 } // namespace nacre

@@ -2,21 +2,12 @@
 
 namespace nacre {
 
-std::unique_ptr<GpuModel> makeGpuBigs(NacreAssetImpl& asset);
-std::unique_ptr<GpuModel> makeGpuSss(NacreAssetImpl& asset);
-
-static constexpr struct {
-    const char* name;
-    std::unique_ptr<GpuModel> (*make)(NacreAssetImpl&);
-} kModels[] = {
-    {"bigs", makeGpuBigs},
-    {"sss", makeGpuSss},
-};
-
 std::unique_ptr<GpuModel> makeGpuModel(const std::string& model, NacreAssetImpl& asset)
 {
-    for (const auto& m : kModels)
-        if (model == m.name) return m.make(asset);
+#define NACRE_MODEL(name) \
+    if (model == #name) return name::makeGpuModel(asset);
+    NACRE_APPEARANCE_MODELS(NACRE_MODEL)
+#undef NACRE_MODEL
     return nullptr;
 }
 

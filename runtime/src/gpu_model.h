@@ -1,7 +1,8 @@
-// What depends on the appearance model: its channels on the GPU, and the way from lights to pixels. One implementation per model, found
-// through the table in gpu_model.cpp.
+// What depends on the appearance model: its channels on the GPU, and the way from lights to pixels. One implementation per model of
+// appearance/models.h.
 #pragma once
 
+#include "appearance/models.h"
 #include "context.h"
 
 #include <memory>
@@ -43,7 +44,12 @@ protected:
     NacreAssetImpl& asset_;
 };
 
-/// Null if this version does not draw the model.
+#define NACRE_MODEL(name) \
+    namespace name { std::unique_ptr<GpuModel> makeGpuModel(NacreAssetImpl& asset); }
+NACRE_APPEARANCE_MODELS(NACRE_MODEL)
+#undef NACRE_MODEL
+
+/// By name; null if there is no such model.
 std::unique_ptr<GpuModel> makeGpuModel(const std::string& model, NacreAssetImpl& asset);
 
 } // namespace nacre

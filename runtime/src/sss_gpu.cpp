@@ -436,6 +436,6 @@ Failure GpuSss::raster(const DrawFrame& frame, bool depthTest, GlStateGuard& sta
 
 } // namespace
 
-std::unique_ptr<GpuModel> makeGpuSss(NacreAssetImpl& asset) { return std::make_unique<GpuSss>(asset); }
+std::unique_ptr<GpuModel> sss::makeGpuModel(NacreAssetImpl& asset) { return std::make_unique<GpuSss>(asset); }
 
 } // namespace nacre

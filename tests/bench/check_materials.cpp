@@ -3,7 +3,7 @@
 //   check_materials ASSET.glb DATASET MESH.glb [SPLIT]
 #include "asset/asset_io.h"
 #include "dataset/olat_dataset.h"
-#include "eval/reference_model.h"
+#include "appearance/reference_model.h"
 #include "interchange/gltf.h"
 #include "light_stage/placement.h"
 #include "light_stage/ray_scene.h"

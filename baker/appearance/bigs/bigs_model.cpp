@@ -297,7 +297,7 @@ private:
 
 } // namespace
 
-std::unique_ptr<TrainableAppearance> makeBigsModel(const AppearanceOptions& options)
+std::unique_ptr<TrainableAppearance> bigs::makeTrainable(const AppearanceOptions& options)
 {
     return std::make_unique<BigsModel>(options);
 }

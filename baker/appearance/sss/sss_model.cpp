@@ -459,7 +459,7 @@ private:
 
 } // namespace
 
-std::unique_ptr<TrainableAppearance> makeSssModel(const AppearanceOptions& options)
+std::unique_ptr<TrainableAppearance> sss::makeTrainable(const AppearanceOptions& options)
 {
     return std::make_unique<SssModel>(options);
 }

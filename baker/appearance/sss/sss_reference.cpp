@@ -1,6 +1,6 @@
+#include "appearance/reference_model.h"
 #include "appearance/sss/sss.h"
 #include "appearance/sss/sss_asset.h"
-#include "eval/reference_model.h"
 
 #include <algorithm>
 #include <array>
@@ -82,6 +82,6 @@ private:
 
 } // namespace
 
-std::unique_ptr<ReferenceModel> makeReferenceSss(const SplatAsset& asset) { return std::make_unique<ReferenceSss>(asset); }
+std::unique_ptr<ReferenceModel> sss::makeReference(const SplatAsset& asset) { return std::make_unique<ReferenceSss>(asset); }
 
 } // namespace nacre

@@ -1,5 +1,5 @@
 #include "appearance/bigs/bigs_asset.h"
-#include "eval/reference_model.h"
+#include "appearance/reference_model.h"
 
 #include <algorithm>
 
@@ -47,6 +47,6 @@ private:
 
 } // namespace
 
-std::unique_ptr<ReferenceModel> makeReferenceBigs(const SplatAsset& asset) { return std::make_unique<ReferenceBigs>(asset); }
+std::unique_ptr<ReferenceModel> bigs::makeReference(const SplatAsset& asset) { return std::make_unique<ReferenceBigs>(asset); }
 
 } // namespace nacre

@@ -1,7 +1,8 @@
 // What the reference renderer asks of an appearance model: numbers per splat that are blended like colours, and what a pixel makes of them.
-// One implementation per model; the scalar math is that of formats/appearance.
+// One implementation per model of appearance/models.h; the scalar math is that of formats/appearance.
 #pragma once
 
+#include "appearance/models.h"
 #include "appearance/sss/sss_edit.h"
 #include "base/light.h"
 #include "base/result.h"
@@ -24,7 +25,12 @@ public:
     virtual Status setEdits(std::span<const SplatEdit> edits) = 0;
 };
 
-/// `asset` must outlive the model. Null if there is none of this name.
+#define NACRE_MODEL(name) \
+    namespace name { std::unique_ptr<ReferenceModel> makeReference(const SplatAsset& asset); }
+NACRE_APPEARANCE_MODELS(NACRE_MODEL)
+#undef NACRE_MODEL
+
+/// Of the asset's model. `asset` must outlive it. Null if there is no such model.
 std::unique_ptr<ReferenceModel> makeReferenceModel(const SplatAsset& asset);
 
 } // namespace nacre
