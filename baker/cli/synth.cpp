@@ -15,6 +15,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <thread>
@@ -437,6 +438,20 @@ static Result<SynthSettings> settingsOf(const SynthArguments& args, const StageW
     };
 }
 
+/// With --keep-scale: whether positions and intensities of lights, which are float, can say what is meant.
+static Status checkPlacement(const Placement& p)
+{
+    constexpr double kMostRounding = 1e-3; // of the radius: 0.01 degrees for lights five radii away
+    constexpr double kSmallest = 1e-15, kLargest = 1e15; // intensities go with the square
+    if (const double rounding = glm::length(p.center) * double(std::numeric_limits<float>::epsilon()); rounding > kMostRounding * p.radius)
+        return Error{ErrorCode::kBadInput, format("--keep-scale: the mesh has a radius of %.3g m and lies %.4g m from the origin, where positions of lights "
+                                                  "are rounded to %.2g m; leave --keep-scale out (world_from_mesh in the dataset keeps the place)",
+                                                  p.radius, glm::length(p.center), rounding)};
+    if (!(p.radius >= kSmallest && p.radius <= kLargest))
+        return Error{ErrorCode::kBadInput, format("--keep-scale: the mesh has a radius of %.3g m, expected %g to %g; leave --keep-scale out", p.radius, kSmallest, kLargest)};
+    return ok();
+}
+
 static Result<PathTracer> putOnStage(StageObject object, const Placement& placement)
 {
     StageScene scene;
@@ -484,6 +499,7 @@ static Status runSynth(SynthArguments args)
     if (Status s = checkDatasetFolder(args.output, *settings); !s) return s;
 
     const Placement placement = placeMesh(object->mesh, object->hair, plan->up, !args.keepScale);
+    if (Status s = checkPlacement(placement); !s) return s;
     const size_t triangles = object->mesh.triangleCount(), fibres = object->hair.segmentCount();
     const auto tracer = putOnStage(std::move(*object), placement);
     if (!tracer) return tracer.error();
@@ -494,7 +510,9 @@ static Status runSynth(SynthArguments args)
     Progress progress;
     size_t done = 0, count = 0;
     const auto render = [&](const Camera& camera, std::span<const Light> lights, const RenderSettings& s, RenderStats* stats) {
-        return tracer->render(camera, lights, s, stats);
+        std::vector<Light> staged;
+        for (const Light& light : lights) staged.push_back(onStage(light, placement));
+        return tracer->render(onStage(camera, placement), staged, s, stats);
     };
     const auto show = [&](const SynthProgress& p) {
         done = p.imagesDone, count = p.imageCount;

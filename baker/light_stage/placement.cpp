@@ -41,36 +41,62 @@ static void boundingSphere(const MeshScene& scene, glm::dvec3& center, double& r
 Placement placeMesh(const MeshScene& scene, const HairStrands& hair, const glm::vec3& up, bool fit)
 {
     assert(scene.triangleCount() > 0);
-    Placement out;
-    if (up.z > 0.5f) out.worldFromMesh = glm::dmat4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1);
-    boundingSphere(scene, out.center, out.radius);
+    glm::dmat4 turn(1.0);
+    if (up.z > 0.5f) turn = glm::dmat4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1);
+    glm::dvec3 center(0.0);
+    double radius = 0.0;
+    boundingSphere(scene, center, radius);
     for (const glm::vec4& p : hair.controlPoints) // a Bezier curve lies within their hull
-        out.radius = std::max(out.radius, glm::length(glm::dvec3(p) - out.center) + double(p.w));
-    out.center = glm::dvec3(out.worldFromMesh * glm::dvec4(out.center, 1.0));
-    if (!(out.radius > 0)) out.radius = 1.0;
-    if (!fit) return out;
-    out.unitsPerMetre = 1.0 / out.radius;
-    for (int column = 0; column < 3; ++column) out.worldFromMesh[column] *= out.unitsPerMetre;
-    out.worldFromMesh[3] = glm::dvec4(-out.center * out.unitsPerMetre, 1.0);
-    out.center = glm::dvec3(0.0);
-    out.radius = 1.0;
+        radius = std::max(radius, glm::length(glm::dvec3(p) - center) + double(p.w));
+    center = glm::dvec3(turn * glm::dvec4(center, 1.0));
+    if (!(radius > 0)) radius = 1.0;
+
+    Placement out;
+    out.unitsPerMetre = 1.0 / radius;
+    out.stageFromScene = turn;
+    for (int column = 0; column < 3; ++column) out.stageFromScene[column] *= out.unitsPerMetre;
+    out.stageFromScene[3] = glm::dvec4(-center * out.unitsPerMetre, 1.0);
+    if (fit) {
+        out.worldFromMesh = out.stageFromScene;
+        out.worldFromMesh[3] = out.stageFromScene * glm::dvec4(-scene.origin, 1.0);
+    } else {
+        out.worldFromMesh = turn;
+        out.center = center + glm::dvec3(turn * glm::dvec4(scene.origin, 0.0));
+        out.radius = radius;
+    }
     return out;
 }
 
 void transformMesh(MeshScene& scene, const Placement& placement)
 {
-    const glm::dmat3 turn = glm::dmat3(placement.worldFromMesh) * (1.0 / placement.unitsPerMetre);
+    const glm::dmat3 turn = glm::dmat3(placement.stageFromScene) * (1.0 / placement.unitsPerMetre);
     for (TriangleMesh& mesh : scene.meshes) {
-        for (glm::vec3& p : mesh.positions) p = glm::vec3(placement.worldFromMesh * glm::dvec4(p, 1.0));
+        for (glm::vec3& p : mesh.positions) p = glm::vec3(placement.stageFromScene * glm::dvec4(p, 1.0));
         for (glm::vec3& n : mesh.normals) n = glm::vec3(turn * glm::dvec3(n));
         for (glm::vec4& t : mesh.tangents) t = glm::vec4(glm::vec3(turn * glm::dvec3(t)), t.w);
     }
 }
 
+Camera onStage(const Camera& camera, const Placement& placement)
+{
+    Camera out = camera;
+    out.worldFromCamera[3] = glm::dvec4((camera.position() - placement.center) / placement.radius, 1.0);
+    return out;
+}
+
+Light onStage(const Light& light, const Placement& placement)
+{
+    Light out = light;
+    if (light.type != LightType::kPoint) return out; // directions and maps are as they were
+    out.position = glm::vec3((glm::dvec3(light.position) - placement.center) / placement.radius);
+    out.intensity = glm::vec3(glm::dvec3(light.intensity) / (placement.radius * placement.radius)); // I / r^2 stays
+    return out;
+}
+
 void transformHair(HairStrands& hair, const Placement& placement)
 {
     for (glm::vec4& p : hair.controlPoints)
-        p = glm::vec4(glm::vec3(placement.worldFromMesh * glm::dvec4(glm::dvec3(p), 1.0)), float(double(p.w) * placement.unitsPerMetre));
+        p = glm::vec4(glm::vec3(placement.stageFromScene * glm::dvec4(glm::dvec3(p), 1.0)), float(double(p.w) * placement.unitsPerMetre));
 }
 
 } // namespace nacre

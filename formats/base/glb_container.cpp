@@ -16,6 +16,8 @@ static uint32_t u32At(std::span<const std::byte> bytes, size_t offset)
 
 bool looksLikeGlb(std::span<const std::byte> bytes) { return bytes.size() >= 4 && std::memcmp(bytes.data(), "glTF", 4) == 0; }
 
+size_t glbLength(std::span<const std::byte> bytes) { return bytes.size() < 12 ? 0 : u32At(bytes, 8); }
+
 Result<GlbChunks> splitGlb(std::span<const std::byte> bytes)
 {
     constexpr uint32_t kJson = 0x4E4F534A, kBin = 0x004E4942;

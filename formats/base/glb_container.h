@@ -16,6 +16,9 @@ struct GlbChunks { // into the bytes given
 /// Whether the bytes begin like a GLB ('glTF').
 bool looksLikeGlb(std::span<const std::byte> bytes);
 
+/// How many bytes the header of a GLB says it has; 0 if the bytes are too few for a header.
+size_t glbLength(std::span<const std::byte> bytes);
+
 /// Any bytes are safe. Errors: kBadInput (lengths that disagree, wrong order of chunks), kUnsupported (another version of GLB).
 Result<GlbChunks> splitGlb(std::span<const std::byte> bytes);
 

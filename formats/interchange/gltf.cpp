@@ -1,8 +1,10 @@
-// glTF 2.0 -> MeshScene: nodes, instances and repairs.
+// glTF 2.0 -> MeshScene: every primitive under every node that shows it, placed and repaired.
+//
+// Placing waits until all primitives are read: positions become float about the middle of the scene, if that is far from the world's origin.
 //
 // Our own reading of the JSON rather than tinygltf: tinygltf, as Debian builds it, has live asserts, resolves file names itself and copies
-// before it checks. The reader is in four parts: the opened file (gltf_file), accessors (gltf_accessor), primitives (gltf_mesh) and
-// materials (gltf_material). Nothing recurses, so no nesting is too deep; every allocation is bounded by the bytes of the file or by
+// before it checks. The reader is in six parts: the opened file (gltf_file), accessors (gltf_accessor), nodes (gltf_nodes), skins (gltf_skin),
+// primitives (gltf_mesh) and materials (gltf_material). Nothing recurses, so no nesting is too deep; every allocation is bounded by the bytes of the file or by
 // kMaxDecodedBytes (gltf_file.h), which also stops a file of many nodes that show one big mesh.
 #include "interchange/gltf.h"
 
@@ -11,10 +13,11 @@
 #include "interchange/gltf_file.h"
 #include "interchange/gltf_material.h"
 #include "interchange/gltf_mesh.h"
+#include "interchange/gltf_nodes.h"
+#include "interchange/gltf_skin.h"
 #include "mesh/mesh_repair.h"
+#include "mesh/mesh_transform.h"
 #include "mesh/tangents.h"
-
-#include <glm/gtc/quaternion.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -24,119 +27,6 @@
 namespace nacre {
 namespace gltf {
 namespace {
-
-// ---- nodes ----------------------------------------------------------------------------------------------------------------------
-
-glm::dmat4 localTransform(const JsonNode& node)
-{
-    const JsonNode matrix = node["matrix"];
-    if (matrix.exists()) {
-        const std::vector<double> v = matrix.numbers(16);
-        glm::dmat4 m;
-        for (int i = 0; i < 16; ++i) m[i / 4][i % 4] = v[size_t(i)]; // column by column, like GLM
-        const glm::dvec4 lastRow(m[0][3], m[1][3], m[2][3], m[3][3]);
-        if (lastRow != glm::dvec4(0, 0, 0, 1)) matrix.fail("affine matrix, last row 0 0 0 1", "another last row");
-        return m;
-    }
-    glm::dvec3 translation(0.0), scale(1.0);
-    glm::dquat rotation(1, 0, 0, 0);
-    const auto vec3 = [](const JsonNode& n) {
-        const std::vector<double> v = n.numbers(3);
-        return glm::dvec3(v[0], v[1], v[2]);
-    };
-    if (node["translation"].exists()) translation = vec3(node["translation"]);
-    if (node["scale"].exists()) scale = vec3(node["scale"]);
-    if (node["rotation"].exists()) {
-        const std::vector<double> v = node["rotation"].numbers(4);
-        rotation = glm::dquat(v[3], v[0], v[1], v[2]); // stored x y z w
-        const double length = glm::length(rotation);
-        if (!(length > 1e-6) || !std::isfinite(length)) node["rotation"].fail("unit quaternion", "length " + std::to_string(length));
-        else rotation /= length;
-    }
-    glm::dmat4 m = glm::mat4_cast(rotation);
-    for (int i = 0; i < 3; ++i) m[i] *= scale[i];
-    m[3] = glm::dvec4(translation, 1.0);
-    return m;
-}
-
-struct NodeTree {
-    std::vector<int> parents;                  // -1: a root
-    std::vector<std::vector<size_t>> children;
-};
-
-NodeTree readTree(const File& file)
-{
-    const size_t count = file.nodes.size();
-    NodeTree tree{std::vector<int>(count, -1), std::vector<std::vector<size_t>>(count)};
-    for (size_t i = 0; i < count; ++i) {
-        const JsonNode children = file.nodes[i]["children"];
-        if (!children.exists()) continue;
-        for (const JsonNode& index : children.items()) {
-            const size_t child = file.index(file.nodes, index);
-            if (tree.parents[child] >= 0)
-                bad(file.nodes[child].where() + " has two parents, nodes " + std::to_string(tree.parents[child]) + " and " + std::to_string(i));
-            tree.parents[child] = int(i);
-            tree.children[i].push_back(child);
-        }
-    }
-    // With one parent each, a node that leads to no root is in or below a cycle.
-    std::vector<size_t> reached;
-    for (size_t i = 0; i < count; ++i)
-        if (tree.parents[i] < 0) reached.push_back(i);
-    std::vector<bool> seen(count, false);
-    for (size_t k = 0; k < reached.size(); ++k) {
-        seen[reached[k]] = true;
-        reached.insert(reached.end(), tree.children[reached[k]].begin(), tree.children[reached[k]].end());
-    }
-    const auto missed = std::find(seen.begin(), seen.end(), false);
-    if (missed != seen.end()) bad(file.nodes[size_t(missed - seen.begin())].where() + " is in or below a cycle of children");
-    return tree;
-}
-
-/// The roots of the default scene, else of the first, else all nodes without a parent.
-std::vector<size_t> rootNodes(const File& file, const NodeTree& tree)
-{
-    std::vector<size_t> roots;
-    if (file.scenes.empty()) {
-        for (size_t i = 0; i < tree.parents.size(); ++i)
-            if (tree.parents[i] < 0) roots.push_back(i);
-        return roots;
-    }
-    const JsonNode chosen = file.root()["scene"];
-    const JsonNode nodes = (chosen.exists() ? file.at(file.scenes, chosen) : file.scenes[0])["nodes"];
-    if (nodes.exists())
-        for (const JsonNode& index : nodes.items()) roots.push_back(file.index(file.nodes, index));
-    file.check();
-    return roots;
-}
-
-struct Instance {
-    size_t node;
-    glm::dmat4 worldFromLocal;
-};
-
-/// Where every mesh of the file is shown, parents before children.
-std::vector<std::vector<Instance>> placeMeshes(const File& file)
-{
-    const NodeTree tree = readTree(file);
-    std::vector<Instance> placed;
-    std::vector<bool> seen(file.nodes.size(), false);
-    const auto place = [&](size_t node, const glm::dmat4& parent) {
-        if (seen[node]) bad(file.nodes[node].where() + " is twice in the scene");
-        seen[node] = true;
-        placed.push_back({node, parent * localTransform(file.nodes[node])});
-    };
-    for (size_t root : rootNodes(file, tree)) place(root, glm::dmat4(1.0));
-    for (size_t k = 0; k < placed.size(); ++k)
-        for (size_t child : tree.children[placed[k].node]) place(child, glm::dmat4(placed[k].worldFromLocal));
-
-    std::vector<std::vector<Instance>> byMesh(file.meshes.size());
-    for (const Instance& instance : placed)
-        if (const JsonNode mesh = file.nodes[instance.node]["mesh"]; mesh.exists())
-            byMesh[file.index(file.meshes, mesh)].push_back(instance);
-    file.check();
-    return byMesh;
-}
 
 // ---- meshes ---------------------------------------------------------------------------------------------------------------------
 
@@ -158,39 +48,43 @@ void warnAboutMissingTexcoords(File& file, const TriangleMesh& mesh, const MeshM
                       inQuotes(m.name) + " need: they are sampled at one point");
 }
 
-/// Reads, places and repairs every primitive under every node that shows it.
+/// One primitive as a node shows it.
+struct Shown {
+    TriangleMesh mesh; // not yet placed
+    SkinInfluences influences;
+    std::vector<glm::dmat4> worldFromLocal; // of each copy; with influences: of each joint
+    std::string where;
+    bool isList = true;
+};
+
+/// The scene's middle, if coordinates about the world's origin would be rounded much more than about the middle; else that origin.
+glm::dvec3 chooseOrigin(const Bounds& bounds)
+{
+    constexpr double kFar = 16.0; // sizes of the scene: four bits of a float's 24
+    const glm::dvec3 middle = 0.5 * (bounds.low + bounds.high);
+    return glm::length(middle) > kFar * glm::length(bounds.high - bounds.low) ? middle : glm::dvec3(0.0);
+}
+
+/// Reads every primitive under every node that shows it; then places and repairs them.
 class SceneBuilder {
 public:
-    SceneBuilder(File& file, MeshScene& scene) : file_(file), scene_(scene) {}
-
-    void addMesh(const JsonNode& mesh, const std::vector<Instance>& instances)
+    SceneBuilder(File& file, MeshScene& scene) : file_(file), scene_(scene), nodes_(readNodes(file)), nodesOfMesh_(file.meshes.size())
     {
-        if (instances.empty()) return;
-        const std::string meshName = mesh["name"].exists() ? mesh["name"].string() : "";
-        for (const JsonNode& primitive : mesh["primitives"].items()) {
-            std::optional<TriangleMesh> local = readPrimitive(file_, primitive, int(file_.materials.size()));
-            if (!local) continue;
-            for (size_t i = 0; i < instances.size(); ++i) {
-                const JsonNode& node = file_.nodes[instances[i].node];
-                local->name = node["name"].exists() ? node["name"].string() : meshName;
-                file_.check();
-                if (i + 1 == instances.size()) {
-                    addInstance(std::move(*local), instances[i].worldFromLocal, primitive.where());
-                } else {
-                    file_.take(local->positions.size(), bytesPerVertex(*local), node.where());
-                    file_.take(local->triangles.size(), sizeof(glm::uvec3), node.where());
-                    addInstance(TriangleMesh(*local), instances[i].worldFromLocal, primitive.where());
-                }
-            }
-        }
-        file_.check();
+        for (const size_t i : nodes_.shown)
+            if (const JsonNode mesh = file.nodes[i]["mesh"]; mesh.exists()) nodesOfMesh_[file.index(file.meshes, mesh)].push_back(i);
     }
 
-    void finish()
+    void build()
     {
-        if (zeroAreaTriangles_ > 0) file_.warn("dropped: " + std::to_string(zeroAreaTriangles_) + " triangles without area");
-        if (zeroNormals_ > 0) file_.warn("replaced by face normals: " + std::to_string(zeroNormals_) + " normals of length 0");
-        if (scene_.meshes.empty()) bad("the scene has no triangles");
+        for (size_t m = 0; m < file_.meshes.size(); ++m)
+            if (!nodesOfMesh_[m].empty()) readMesh(file_.meshes[m], nodesOfMesh_[m]);
+        file_.check();
+        scene_.origin = chooseOrigin(bounds_);
+        for (Shown& shown : shown_) {
+            place(shown);
+            repair(std::move(shown.mesh), shown.where, shown.isList);
+        }
+        finish();
     }
 
 private:
@@ -200,10 +94,93 @@ private:
                sizeof(glm::vec2) * (size_t(!m.texcoords[0].empty()) + !m.texcoords[1].empty());
     }
 
-    void addInstance(TriangleMesh mesh, const glm::dmat4& worldFromLocal, const std::string& where)
+    void takeCopies(const TriangleMesh& mesh, size_t copies, const std::string& where)
     {
-        if (!transformMesh(mesh, worldFromLocal)) bad(where + ": a position is out of the range of float in the world");
-        zeroAreaTriangles_ += dropZeroAreaTriangles(mesh);
+        file_.take(mesh.positions.size(), copies * bytesPerVertex(mesh), where);
+        file_.take(mesh.triangles.size(), copies * sizeof(glm::uvec3), where);
+    }
+
+    void readMesh(const JsonNode& mesh, const std::vector<size_t>& nodes)
+    {
+        const std::string meshName = mesh["name"].exists() ? mesh["name"].string() : "";
+        for (const JsonNode& json : mesh["primitives"].items()) {
+            const std::optional<Primitive> primitive = readPrimitive(file_, json, int(file_.materials.size()));
+            if (!primitive) continue;
+            for (size_t n = 0; n < nodes.size(); ++n) {
+                const JsonNode& node = file_.nodes[nodes[n]];
+                if (n > 0) takeCopies(primitive->mesh, 1, node.where());
+                Shown shown{primitive->mesh, {}, {}, json.where(), primitive->isList};
+                shown.mesh.name = node["name"].exists() ? node["name"].string() : meshName;
+                applyMorphTargets(file_, json, morphWeights(mesh, node, json), shown.mesh);
+                file_.check();
+                transform(shown, *primitive, nodes[n]);
+                if (!shown.worldFromLocal.empty()) shown_.push_back(std::move(shown));
+            }
+        }
+    }
+
+    /// The node's, else the mesh's, else none.
+    std::vector<double> morphWeights(const JsonNode& mesh, const JsonNode& node, const JsonNode& primitive) const
+    {
+        if (!primitive["targets"].exists()) return {};
+        const size_t count = primitive["targets"].items().size();
+        const JsonNode weights = node["weights"].exists() ? node["weights"] : mesh["weights"];
+        return weights.exists() ? weights.numbers(count) : std::vector<double>(count, 0.0);
+    }
+
+    /// What moves the vertices, and where they come to be.
+    void transform(Shown& shown, const Primitive& primitive, size_t nodeIndex)
+    {
+        const JsonNode& node = file_.nodes[nodeIndex];
+        const JsonNode skin = node["skin"];
+        if (skin.exists() && primitive.influences.perVertex == 0)
+            file_.warn(node.where() + " has a skin, but " + shown.where + " has no joints and weights: it stands where the node is");
+        if (skin.exists() && primitive.influences.perVertex > 0) {
+            if (File::extension(node, "EXT_mesh_gpu_instancing").exists()) file_.warn(node.where() + " has a skin: its EXT_mesh_gpu_instancing is ignored");
+            shown.worldFromLocal = readJointMatrices(file_, skin, nodes_);
+            file_.take(primitive.influences.joints.size(), 2 * sizeof(float), node.where());
+            shown.influences = primitive.influences;
+            checkJoints(shown, skin);
+            addBounds(shown.mesh, shown.influences, shown.worldFromLocal, bounds_);
+        } else {
+            shown.worldFromLocal = instancesOf(file_, node, nodes_.worldFromLocal[nodeIndex]);
+            if (shown.worldFromLocal.size() > 1) takeCopies(shown.mesh, shown.worldFromLocal.size() - 1, node.where());
+            for (const glm::dmat4& m : shown.worldFromLocal) addBounds(shown.mesh, m, bounds_);
+        }
+    }
+
+    void checkJoints(const Shown& shown, const JsonNode& skin) const
+    {
+        const std::vector<uint32_t>& joints = shown.influences.joints;
+        for (size_t i = 0; i < joints.size(); ++i)
+            if (shown.influences.weights[i] > 0.0f && joints[i] >= shown.worldFromLocal.size())
+                bad(shown.where + ": vertex " + std::to_string(i / shown.influences.perVertex) + " hangs on joint " + std::to_string(joints[i]) + ", but " +
+                    skin.where() + " has " + std::to_string(shown.worldFromLocal.size()));
+    }
+
+    void place(Shown& shown)
+    {
+        for (glm::dmat4& m : shown.worldFromLocal) m[3] -= glm::dvec4(scene_.origin, 0.0);
+        bool finite = true;
+        if (shown.influences.perVertex > 0) {
+            finite = skinMesh(shown.mesh, shown.influences, shown.worldFromLocal);
+        } else {
+            const TriangleMesh local = shown.worldFromLocal.size() > 1 ? shown.mesh : TriangleMesh();
+            finite = transformMesh(shown.mesh, shown.worldFromLocal[0]);
+            for (size_t i = 1; i < shown.worldFromLocal.size(); ++i) {
+                TriangleMesh copy = local;
+                finite = transformMesh(copy, shown.worldFromLocal[i]) && finite;
+                appendMesh(shown.mesh, copy);
+            }
+        }
+        if (!finite) bad(shown.where + ": a position is out of the range of float in the world; scale the scene down");
+    }
+
+    void repair(TriangleMesh mesh, const std::string& where, bool isList)
+    {
+        const size_t dropped = dropZeroAreaTriangles(mesh);
+        zeroAreaTriangles_ += dropped;
+        if (isList) unexpectedZeroAreaTriangles_ += dropped;
         dropUnusedVertices(mesh);
         if (mesh.triangles.empty()) return;
         zeroNormals_ += replaceZeroNormals(mesh);
@@ -221,16 +198,31 @@ private:
         scene_.meshes.push_back(std::move(mesh));
     }
 
+    void finish()
+    {
+        const auto triangles = [](size_t n) { return std::to_string(n) + (n == 1 ? " triangle" : " triangles"); };
+        if (scene_.meshes.empty())
+            bad(zeroAreaTriangles_ == 0 ? "the scene has no triangles"
+                                        : "the scene has no triangles with area: " + triangles(zeroAreaTriangles_) + " are points or lines (is a scale 0?)");
+        if (unexpectedZeroAreaTriangles_ > 0) file_.warn("dropped: " + triangles(unexpectedZeroAreaTriangles_) + " without area");
+        if (zeroNormals_ > 0) file_.warn("replaced by face normals: " + std::to_string(zeroNormals_) + " normals of length 0");
+        constexpr double kSmallest = 1e-30; // float begins to lose digits at 1e-38
+        if (const double size = glm::length(bounds_.high - bounds_.low); size < kSmallest) bad("the scene is too small for float (below 1e-30 m); scale it up");
+    }
+
     File& file_;
     MeshScene& scene_;
-    size_t zeroAreaTriangles_ = 0, zeroNormals_ = 0;
+    const Nodes nodes_;
+    std::vector<std::vector<size_t>> nodesOfMesh_;
+    std::vector<Shown> shown_;
+    Bounds bounds_; // of everything shown, in the world
+    size_t zeroAreaTriangles_ = 0, unexpectedZeroAreaTriangles_ = 0, zeroNormals_ = 0;
 };
 
 void warnAboutIgnoredParts(File& file)
 {
     const auto has = [&](const char* key) { return file.root()[key].firstItem().exists(); };
     if (has("animations")) file.warn("ignored: animations (nodes stay where the file puts them)");
-    if (has("skins")) file.warn("ignored: skins (meshes have their bind pose)");
     if (has("cameras")) file.warn("ignored: cameras");
     if (File::extension(file.root(), "KHR_lights_punctual").exists()) file.warn("ignored: lights");
 }
@@ -241,11 +233,7 @@ MeshScene readOrThrow(std::span<const std::byte> bytes, const UriReader& readUri
     MeshScene scene;
     warnAboutIgnoredParts(file);
     readMaterials(file, scene);
-    const std::vector<std::vector<Instance>> instances = placeMeshes(file);
-    SceneBuilder builder(file, scene);
-    for (size_t i = 0; i < file.meshes.size(); ++i) builder.addMesh(file.meshes[i], instances[i]);
-    file.check();
-    builder.finish();
+    SceneBuilder(file, scene).build();
     scene.warnings = std::move(file.warnings);
     return scene;
 }

@@ -38,7 +38,8 @@ int componentCount(const JsonNode& type)
     if (name == "VEC2") return 2;
     if (name == "VEC3") return 3;
     if (name == "VEC4") return 4;
-    type.fail("SCALAR, VEC2, VEC3 or VEC4", inQuotes(name));
+    if (name == "MAT4") return 16;
+    type.fail("SCALAR, VEC2, VEC3, VEC4 or MAT4", inQuotes(name));
     return 1;
 }
 
@@ -158,6 +159,15 @@ void readFloats(const Accessor& a, float* out)
     for (size_t i = 0; i < replaced.size(); ++i)
         convertRows(a.sparseRows + i * rowBytes, 1, rowBytes, a.components, a.componentType, a.normalized,
                     out + size_t(replaced[i]) * size_t(a.components));
+}
+
+std::vector<glm::mat4> readMatrices(File& file, const Accessor& accessor)
+{
+    if (accessor.components != 16) bad(accessor.where + " is not of type MAT4");
+    file.take(accessor.count, sizeof(glm::mat4), accessor.where);
+    std::vector<glm::mat4> out(accessor.count);
+    if (!out.empty()) readFloats(accessor, &out[0][0][0]);
+    return out;
 }
 
 std::vector<uint32_t> readIndices(File& file, const JsonNode& index)

@@ -18,7 +18,7 @@ constexpr uint64_t kMaxZeroFilled = uint64_t(1) << 22;
 struct Accessor {
     std::string where;
     size_t count = 0;
-    int components = 0; // 1 to 4
+    int components = 0; // 1 to 4; of a matrix 16
     int componentType = kFloat32;
     bool normalized = false;
     const std::byte* rows = nullptr; // null: zeros
@@ -34,6 +34,8 @@ Accessor readAccessor(const File& file, const JsonNode& index);
 
 /// `count` rows of `components` values at `rows`; integers become c / 127 and so on (section 3.6.2.4) if normalized.
 void convertRows(const std::byte* rows, size_t count, size_t stride, int components, int componentType, bool normalized, float* out);
+
+std::vector<glm::mat4> readMatrices(File& file, const Accessor& accessor);
 
 /// One value per row. The accessor's type must be SCALAR of an unsigned integer type.
 std::vector<uint32_t> readIndices(File& file, const JsonNode& index);

@@ -37,7 +37,11 @@ constexpr KnownExtension kKnownExtensions[] = {
     {"KHR_lights_punctual", true},             // has its own warning
     {"KHR_materials_pbrSpecularGlossiness", false}, // has its own warning
     {"KHR_animation_pointer", true},           // animations have their own warning
+    {"KHR_node_visibility", true},
+    {"EXT_mesh_gpu_instancing", true},
+    {"KHR_materials_variants", true},          // the default variant is the plain material
     {"KHR_xmp_json_ld", true},                 // authors and licences
+    {"KHR_xmp", true},
 };
 
 const KnownExtension* findKnown(const std::string& name)
@@ -52,8 +56,35 @@ std::string whatToTry(const std::string& extension)
     if (extension == "KHR_texture_basisu" || extension.find("EXT_texture") == 0 || extension == "MSFT_texture_dds")
         return "convert the textures to PNG or JPEG";
     if (extension == "KHR_materials_pbrSpecularGlossiness") return "convert the materials to metallic-roughness";
-    if (extension == "EXT_mesh_gpu_instancing") return "export instances as nodes";
     return "export without it";
+}
+
+/// What the picture lacks if an extension that the file uses is ignored.
+std::string effectOf(const std::string& extension)
+{
+    struct Effect {
+        const char *name, *effect;
+    };
+    constexpr Effect kEffects[] = {
+        {"KHR_materials_sheen", "cloth has no sheen"},
+        {"KHR_materials_iridescence", "thin films have no colours"},
+        {"KHR_materials_dispersion", "glass does not split colours"},
+        {"KHR_materials_retroreflection", "nothing shines back at the light"},
+        {"KHR_materials_diffuse_roughness", "diffuse surfaces are Lambertian"},
+        {"EXT_lights_image_based", "the light stage lights the scene"},
+        {"EXT_meshopt_compression", "its uncompressed copy is read"},
+        {"KHR_meshopt_compression", "its uncompressed copy is read"},
+        {"KHR_texture_basisu", "the PNG or JPEG is read"},
+        {"EXT_texture_webp", "the PNG or JPEG is read"},
+        {"EXT_texture_avif", "the PNG or JPEG is read"},
+        {"MSFT_texture_dds", "the PNG or JPEG is read"},
+        {"MSFT_lod", "the finest level is shown, and others if they are nodes of the scene"},
+        {"KHR_gaussian_splatting", "splats are no surface"},
+        {"CESIUM_RTC", "the object stands at the origin"},
+    };
+    for (const Effect& e : kEffects)
+        if (extension == e.name) return std::string(" (") + e.effect + ")";
+    return "";
 }
 
 // ---- URIs ---------------------------------------------------------------------------------------------------------------------
@@ -158,6 +189,12 @@ File::File(std::span<const std::byte> bytes, const UriReader& readUri, uint64_t 
     GlbChunks chunks{bytes, {}};
     const bool isGlb = looksLikeGlb(bytes);
     if (isGlb) {
+        // A GLB ends where its header says (section 4.4.2); what stands behind is padding of a download or of an archive.
+        constexpr size_t kHeaders = 20;
+        if (const size_t length = glbLength(bytes); length >= kHeaders && length < bytes.size()) {
+            warn("ignored: " + std::to_string(bytes.size() - length) + " bytes behind the end of the GLB (its header says " + std::to_string(length) + " bytes)");
+            bytes = bytes.first(length);
+        }
         const Result<GlbChunks> split = splitGlb(bytes);
         if (!split) throw Fault{split.error().code, split.error().message};
         chunks = *split;
@@ -179,6 +216,7 @@ File::File(std::span<const std::byte> bytes, const UriReader& readUri, uint64_t 
     textures = list("textures");
     images = list("images");
     samplers = list("samplers");
+    skins = list("skins");
     check();
     loadBuffers(chunks.bin, isGlb);
 }
@@ -239,8 +277,9 @@ void File::checkVersionAndExtensions()
     }
     std::string unknown;
     for (const JsonNode& node : list("extensionsUsed"))
-        if (const std::string extension = node.string(); !findKnown(extension)) unknown += (unknown.empty() ? "" : ", ") + oneLine(extension, 80);
-    if (!unknown.empty()) warn("ignored: extensions " + oneLine(unknown, 600));
+        if (const std::string extension = node.string(); !findKnown(extension))
+            unknown += (unknown.empty() ? "" : ", ") + oneLine(extension, 80) + effectOf(extension);
+    if (!unknown.empty()) warn("ignored: extensions " + oneLine(unknown, 1200) + "; the pictures lack what they add");
     check();
 }
 
@@ -253,6 +292,9 @@ void File::loadBuffers(std::span<const std::byte> bin, bool isGlb)
         const uint64_t length = buffers[i]["byteLength"].size(uint64_t(1) << 40);
         check();
         std::span<const std::byte> bytes;
+        for (const char* name : {"EXT_meshopt_compression", "KHR_meshopt_compression"})
+            if (!uri.exists() && i > 0 && extension(buffers[i], name).exists())
+                unsupported(buffers[i].where() + " is there only in compressed form (" + name + "); " + whatToTry(name));
         if (uri.exists()) {
             fetched_[i] = fetch(uri);
             take(fetched_[i].size(), 1, buffers[i].where());

@@ -56,7 +56,7 @@ public:
     JsonNode root() const { return document_->root(); }
     static JsonNode extension(const JsonNode& object, const char* name) { return object["extensions"][name]; }
 
-    std::vector<JsonNode> accessors, bufferViews, meshes, nodes, scenes, materials, textures, images, samplers;
+    std::vector<JsonNode> accessors, bufferViews, meshes, nodes, scenes, materials, textures, images, samplers, skins;
     std::vector<std::string> warnings;
 
 private:

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace nacre::gltf {
 namespace {
@@ -156,9 +157,57 @@ Rows<4> readColors(File& file, Attributes& attributes, size_t vertexCount)
     return rgba;
 }
 
+/// Positions far from their own origin are rounded in the file itself; nothing that is done here brings them back.
+void warnAboutRounding(File& file, const Accessor& accessor, const Rows<3>& positions)
+{
+    constexpr double kVisible = 1e-4; // of the size: about a twentieth of a pixel at 512 pixels
+    Bounds bounds;
+    for (const glm::vec3& p : positions) bounds.add(p);
+    const double size = glm::length(bounds.high - bounds.low);
+    const glm::dvec3 far = glm::max(glm::abs(bounds.low), glm::abs(bounds.high));
+    const double rounding = std::max({far.x, far.y, far.z}) * double(std::numeric_limits<float>::epsilon());
+    if (accessor.componentType == kFloat32 && size > 0 && rounding > kVisible * size)
+        file.warn(accessor.where + " (POSITION) lies so far from its origin that the file itself rounds it to " + std::to_string(rounding / size * 100) +
+                  " % of the mesh's size; export it about its own origin, with the place in the node");
+}
+
+/// JOINTS_n and WEIGHTS_n, all sets side by side.
+SkinInfluences readInfluences(File& file, Attributes& attributes, size_t vertexCount)
+{
+    constexpr int kMostSets = 8; // of four joints; the specification has no bound, exporters write one or two
+    std::vector<Rows<4>> joints, weights;
+    for (int set = 0; set < kMostSets; ++set) {
+        const std::string number = std::to_string(set), jointsName = "JOINTS_" + number, weightsName = "WEIGHTS_" + number;
+        if (!attributes.has(jointsName.c_str()) || !attributes.has(weightsName.c_str())) break;
+        if (const Accessor a = attributes.accessor(jointsName.c_str()); a.normalized || a.componentType == kFloat32)
+            bad(a.where + " (" + jointsName + ") has numbers of joints that are not plain integers");
+        joints.push_back(readOptional<4>(file, attributes, jointsName.c_str(), vertexCount));
+        weights.push_back(readOptional<4>(file, attributes, weightsName.c_str(), vertexCount));
+        if (joints.back().empty() || weights.back().empty()) return {};
+    }
+    SkinInfluences out;
+    out.perVertex = 4 * joints.size();
+    file.take(vertexCount * out.perVertex, 2 * sizeof(float), "skin weights");
+    size_t unbound = 0;
+    for (size_t i = 0; i < vertexCount && !joints.empty(); ++i) {
+        double sum = 0.0;
+        for (const Rows<4>& set : weights)
+            for (int k = 0; k < 4; ++k) sum += double(std::max(0.0f, set[i][k]));
+        unbound += !(sum > 0.0);
+        for (size_t set = 0; set < joints.size(); ++set)
+            for (int k = 0; k < 4; ++k) {
+                const double weight = sum > 0.0 ? double(std::max(0.0f, weights[set][i][k])) / sum : double(set == 0 && k == 0);
+                out.joints.push_back(uint32_t(std::clamp(joints[set][i][k], 0.0f, 4e9f)));
+                out.weights.push_back(float(weight));
+            }
+    }
+    if (unbound > 0) file.warn(std::to_string(unbound) + " vertices of a skin have no weights: their first joint moves them");
+    return out;
+}
+
 } // namespace
 
-std::optional<TriangleMesh> readPrimitive(File& file, const JsonNode& primitive, int defaultMaterial)
+std::optional<Primitive> readPrimitive(File& file, const JsonNode& primitive, int defaultMaterial)
 {
     const int mode = primitive["mode"].exists() ? primitive["mode"].integer(0, 6) : kTriangles;
     file.check();
@@ -166,7 +215,6 @@ std::optional<TriangleMesh> readPrimitive(File& file, const JsonNode& primitive,
         file.warn("left out: points and lines (they have no surface)");
         return {};
     }
-    if (primitive["targets"].exists()) file.warn("ignored: morph targets (meshes have their base shape)");
     if (!primitive["attributes"].exists()) bad(primitive.where() + " has no attributes");
 
     Attributes attributes(file, primitive);
@@ -176,12 +224,15 @@ std::optional<TriangleMesh> readPrimitive(File& file, const JsonNode& primitive,
     }
     if (attributes.draco() && mode != kTriangles && mode != kStrip) bad(primitive.where() + ": Draco data in mode " + std::to_string(mode));
 
-    TriangleMesh mesh;
+    Primitive out;
+    out.isList = mode == kTriangles;
+    TriangleMesh& mesh = out.mesh;
     mesh.material = defaultMaterial;
     if (primitive["material"].exists()) mesh.material = int(file.index(file.materials, primitive["material"]));
     mesh.positions = attributes.read<3>("POSITION");
     if (const ptrdiff_t i = firstNotFinite<3>(mesh.positions); i >= 0)
         bad(attributes.accessor("POSITION").where + " (POSITION): element " + std::to_string(i) + " is not finite; repair the mesh");
+    warnAboutRounding(file, attributes.accessor("POSITION"), mesh.positions);
     const size_t count = mesh.positions.size();
     mesh.triangles = readTriangles(file, primitive, mode, attributes, count);
     mesh.normals = readOptional<3>(file, attributes, "NORMAL", count);
@@ -189,8 +240,39 @@ std::optional<TriangleMesh> readPrimitive(File& file, const JsonNode& primitive,
     mesh.texcoords[0] = readOptional<2>(file, attributes, "TEXCOORD_0", count);
     mesh.texcoords[1] = readOptional<2>(file, attributes, "TEXCOORD_1", count);
     mesh.colors = readColors(file, attributes, count);
+    out.influences = readInfluences(file, attributes, count);
     file.check();
-    return mesh;
+    return out;
+}
+
+void applyMorphTargets(File& file, const JsonNode& primitive, std::span<const double> weights, TriangleMesh& mesh)
+{
+    if (!primitive["targets"].exists()) return;
+    const std::vector<JsonNode> targets = primitive["targets"].items();
+    if (weights.size() != targets.size())
+        bad(primitive.where() + " has " + std::to_string(targets.size()) + " morph targets, but there are " + std::to_string(weights.size()) + " weights");
+    for (size_t t = 0; t < targets.size(); ++t) {
+        if (weights[t] == 0.0) continue;
+        const auto add = [&](const char* name, auto& rows) {
+            if (!targets[t][name].exists() || rows.empty()) return;
+            const Accessor a = readAccessor(file, targets[t][name]);
+            const Rows<3> moves = readVectors<3>(file, a);
+            if (moves.size() != rows.size())
+                bad(a.where + " (" + name + " of a morph target) has " + std::to_string(moves.size()) + " elements, the mesh has " + std::to_string(rows.size()));
+            for (size_t i = 0; i < rows.size(); ++i)
+                for (int k = 0; k < 3; ++k) {
+                    rows[i][k] = float(double(rows[i][k]) + weights[t] * double(moves[i][k]));
+                    if (!std::isfinite(rows[i][k])) bad(a.where + " (" + name + " of a morph target): element " + std::to_string(i) + " is not finite");
+                }
+        };
+        add("POSITION", mesh.positions);
+        add("NORMAL", mesh.normals);
+        add("TANGENT", mesh.tangents); // the handedness stays
+        for (const std::string& name : targets[t].keys())
+            if (name.rfind("TEXCOORD_", 0) == 0 || name.rfind("COLOR_", 0) == 0)
+                file.warn("ignored: morph targets of " + name + " (positions, normals and tangents are morphed)");
+    }
+    file.check();
 }
 
 } // namespace nacre::gltf

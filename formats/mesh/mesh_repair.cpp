@@ -1,21 +1,14 @@
-// Affine placement and the repairs of a triangle mesh.
+// The repairs of a triangle mesh.
 #include "mesh/mesh_repair.h"
 
+#include "mesh/mesh_transform.h"
+
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
 namespace nacre {
 namespace {
 
-/// Unit, or zero if `v` has no direction.
-glm::vec3 unitOrZero(const glm::dvec3& v)
-{
-    // Scaled first: squares of very large or small components would overflow or vanish.
-    const double largest = std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)});
-    if (!(largest > 0) || !std::isfinite(largest)) return glm::vec3(0.0f);
-    return glm::vec3(glm::normalize(v / largest));
-}
+constexpr double kLeastArea = 1e-19; // |e1 x e2| over the mesh's size squared
 
 glm::dvec3 crossOfEdges(const TriangleMesh& mesh, const glm::uvec3& t)
 {
@@ -34,31 +27,14 @@ void keepRows(std::vector<T>& rows, const std::vector<uint32_t>& kept)
 
 } // namespace
 
-bool transformMesh(TriangleMesh& mesh, const glm::dmat4& worldFromLocal)
-{
-    const glm::dmat3 linear(worldFromLocal);
-    const glm::dvec3 origin(worldFromLocal[3]);
-    const double side = glm::determinant(linear) < 0 ? -1.0 : 1.0;
-    // Columns of det * inverse transpose: no division, so that a transform that flattens the mesh has normals too.
-    const glm::dmat3 cofactor(glm::cross(linear[1], linear[2]), glm::cross(linear[2], linear[0]), glm::cross(linear[0], linear[1]));
-
-    bool finite = true;
-    for (glm::vec3& p : mesh.positions) {
-        p = glm::vec3(linear * glm::dvec3(p) + origin);
-        finite = finite && std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
-    }
-    for (glm::vec3& n : mesh.normals) n = unitOrZero(side * (cofactor * glm::dvec3(n)));
-    for (glm::vec4& t : mesh.tangents) t = glm::vec4(unitOrZero(linear * glm::dvec3(t)), (t.w < 0 ? -1.0f : 1.0f) * float(side));
-    if (side < 0)
-        for (glm::uvec3& t : mesh.triangles) std::swap(t.y, t.z);
-    return finite;
-}
-
 size_t dropZeroAreaTriangles(TriangleMesh& mesh)
 {
+    Bounds bounds;
+    addBounds(mesh, glm::dmat4(1.0), bounds);
+    const double size = glm::length(bounds.high - bounds.low), least = kLeastArea * size * size;
     return std::erase_if(mesh.triangles, [&](const glm::uvec3& t) {
         const glm::dvec3 n = crossOfEdges(mesh, t);
-        return !(glm::dot(n, n) >= double(std::numeric_limits<float>::min()));
+        return !(glm::length(n) >= least && glm::length(n) > 0.0);
     });
 }
 

@@ -70,7 +70,8 @@ struct MeshMaterial {
     float scatterAnisotropy = 0.0f;          // Henyey-Greenstein g, (-1, 1)
 };
 
-/// One glTF primitive under one node, in world space (node transforms applied; instances are copies). Winding is counter-clockwise
+/// One glTF primitive under one node, in world space but for MeshScene::origin (transforms, skin and morph weights applied; instances are
+/// copies). Winding is counter-clockwise
 /// seen from outside, also under mirroring transforms. Optional arrays are empty or have a row per vertex.
 struct TriangleMesh {
     std::string name; // of the node, or else of the mesh
@@ -84,6 +85,7 @@ struct TriangleMesh {
 };
 
 struct MeshScene {
+    glm::dvec3 origin{0.0}; // of the positions of meshes, in the world: not 0 if the scene lies so far away that float would round it there
     std::vector<TriangleMesh> meshes;
     std::vector<MeshMaterial> materials;
     std::vector<MeshTexture> textures;

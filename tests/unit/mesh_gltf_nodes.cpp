@@ -163,7 +163,8 @@ TEST_CASE("a chain of 20000 nodes is no problem")
     for (int i = 0; i < 20000; i++) nodes.push_back({{"children", {i + 1}}, {"translation", {0, 0, 1}}});
     nodes.push_back({{"mesh", 0}});
     b.root["nodes"] = nodes;
-    CHECK(load(b.glb()).meshes[0].positions[0].z == 20000.0f);
+    const MeshScene scene = load(b.glb());
+    CHECK(scene.origin.z + double(scene.meshes[0].positions[0].z) == 20000.0);
 }
 
 TEST_CASE("many nodes that show one big mesh stop at the limit of decoded bytes")

@@ -336,7 +336,7 @@ TEST_CASE("a mesh is put upright on the stage, its bounding sphere onto the unit
         CHECK(farthest == doctest::Approx(1.0f).epsilon(1e-5));
     }
     const Placement kept = placeMesh(scene, {}, {0, 0, 1}, false);
-    CHECK(kept.unitsPerMetre == 1.0);
+    CHECK(glm::length(glm::dvec3(kept.worldFromMesh[0])) == 1.0);
     CHECK(kept.radius == doctest::Approx(2.5).epsilon(0.02));
     CHECK(glm::distance(kept.center, glm::dvec3(10, 7, 4)) < 0.1);
     HairStrands hair;
