@@ -25,6 +25,7 @@ namespace nacre::cli {
 namespace fs = std::filesystem;
 
 static constexpr double kLeakWarning = 0.005; // of the walks; below that a picture does not show it
+static constexpr double kBackFaceWarning = 0.01; // of the object in any picture
 
 struct SynthArguments {
     std::string mesh, output, like, json, subsurfaceFile, fur;
@@ -306,6 +307,9 @@ static SynthJob makeJob(const SynthArguments& args, OlatDataset plan, const Plac
 static void warnAbout(const SynthReport& report)
 {
     for (const SynthReport::Split& s : report.splits) {
+        if (s.backFaces > kBackFaceWarning)
+            warn(format("split '%s': in one picture, %.0f %% of the object shows what is behind back faces of single-sided materials, which glTF hides from "
+                        "cameras; if they should be seen, mark the material doubleSided or turn the triangles round", s.name.c_str(), 100 * s.backFaces));
         if (s.leakedWalks > kLeakWarning)
             warn(format("split '%s': %.1f %% of the light paths under a scattering surface left through a hole of it; close the mesh", s.name.c_str(),
                         100 * s.leakedWalks));

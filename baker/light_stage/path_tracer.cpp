@@ -38,6 +38,7 @@ struct PathTracer::State {
     std::unique_ptr<SurfaceTable> surfaces;
     HairFiber fiber, indirectFiber; // the second: at least kIndirectFiberRoughness, see RenderSettings::indirectRoughness
     float offset = 0.0f; // rays start this far off a surface: more than the rounding of coordinates
+    float sheetAt(float distance) const { return offset + 1e-6f * distance; } // within it, surfaces are two sides of one sheet: rounding of both
     bool isFiber(const RayHit& hit) const { return hit.mesh == scene.mesh.meshes.size(); }
 };
 
@@ -49,6 +50,8 @@ constexpr float kNarrowDensity = 2.0f; // per steradian: a bounce of lower densi
 // Both roughnesses of a fibre seen by another, towards lamps without size. Measured on brown fur (beta 0.3) under a lamp: half of the
 // variance, means within 3 %; at 0.6 a fifth of it, but means 10 to 20 % off.
 constexpr float kIndirectFiberRoughness = 0.4f;
+// Cosine to the triangle from which rays begin at the triangle itself, so that shadows of what touches it stay whole.
+constexpr float kFullLight = 0.1f;
 constexpr int kMaxClearSurfaces = 256; // straight through alpha and index-matched surfaces, per ray
 
 enum class VertexKind : uint8_t { kSurface, kWalkExit, kPhase, kFiber };
@@ -69,6 +72,15 @@ struct Vertex {
 
     bool onSurface() const { return kind == VertexKind::kSurface || kind == VertexKind::kWalkExit; }
     int mediumAround() const { return kind == VertexKind::kPhase ? medium : -1; }
+    /// Where a ray towards `w` begins: off the triangle by `offset`; almost along it or below, from the surface that bulges over it.
+    glm::vec3 originTowards(const glm::vec3& w, float offset) const
+    {
+        if (!onSurface()) return position;
+        const float side = glm::dot(w, ng);
+        if (surface.bsdf.bulges && glm::dot(w, surface.bsdf.frame.n) > 0.0f)
+            return position + ng * offset + surface.lift * glm::clamp(1.0f - side / kFullLight, 0.0f, 1.0f);
+        return position + ng * (side < 0.0f ? -offset : offset);
+    }
     float reachFrom() const { return kind == VertexKind::kFiber ? nearDistance : 0.0f; }
     /// f |cos| towards wi.
     glm::vec3 evaluate(const glm::vec3& wi, const PathTracer::State& state) const;
@@ -105,7 +117,7 @@ glm::vec3 Vertex::evaluate(const glm::vec3& wi, const PathTracer::State& state) 
     if (kind == VertexKind::kSurface) return surface.bsdf.evaluate(wi);
     if (kind == VertexKind::kFiber) return hairEval(hair, fiberFrame.toLocal(wi));
     const float cosine = glm::dot(surface.bsdf.frame.n, wi);
-    if (!(cosine > 0.0f) || !(glm::dot(ng, wi) > 0.0f)) return glm::vec3(0.0f);
+    if (!(cosine > 0.0f) || !(glm::dot(ng, wi) > 0.0f || surface.bsdf.bulges)) return glm::vec3(0.0f);
     return glm::vec3(kInvPi * cosine * walkExitFactor(surface.bsdf, cosine));
 }
 
@@ -146,10 +158,12 @@ void makeFiberVertex(const PathTracer::State& state, const RayHit& hit, const gl
 
 struct Counters {
     uint64_t pathRays = 0, shadowRays = 0, walkRays = 0, walks = 0, leaked = 0, cut = 0;
+    uint64_t cameraHits = 0, backFaces = 0; // camera rays that met something; that passed a back face before that or before nothing
     void add(const Counters& c)
     {
         pathRays += c.pathRays, shadowRays += c.shadowRays, walkRays += c.walkRays;
         walks += c.walks, leaked += c.leaked, cut += c.cut;
+        cameraHits += c.cameraHits, backFaces += c.backFaces;
     }
 };
 
@@ -184,6 +198,8 @@ public:
 
 private:
     void advance(Lane& lane, float* radiance);
+    void enterObject(Lane& lane);
+    RayHit meetAny(const Lane& lane, float nearDistance, float farDistance);
     void enterMedium(Lane& lane, const SurfacePoint& surface);
     void lightDeltas(bool coherent, float* radiance);
     void lightMaps(float* radiance);
@@ -204,6 +220,7 @@ private:
         float ox[kLanes], oy[kLanes], oz[kLanes];       // shadow ray origins
         float nx[kLanes], ny[kLanes], nz[kLanes];       // shading normals
         float gx[kLanes], gy[kLanes], gz[kLanes];       // geometric normals
+        float leastSide[kLanes];                        // cosine to the geometric normal from which light comes
         float r[kLanes], g[kLanes], b[kLanes];          // plain: throughput * albedo / pi
         bool plain[kLanes], lit[kLanes];
     } rows_;
@@ -256,7 +273,8 @@ void PassTracer::advance(Lane& lane, float* radiance)
         float event = kInfinity;
         DistanceSampler distances(body ? body->medium : Medium{}, lane.throughput);
         if (scattering) event = distances.sample(body->medium, lane.rng);
-        const RayHit hit = state_.rays->intersect(lane.origin, lane.direction, std::min(lane.nearDistance, event), event);
+        const float nearDistance = std::min(lane.nearDistance, event);
+        const RayHit hit = lane.entered ? meetAny(lane, nearDistance, event) : state_.rays->intersectFront(lane.origin, lane.direction, nearDistance, event);
         lane.nearDistance = 0.0f;
         ++counters.pathRays;
 
@@ -294,6 +312,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
             continue;
         }
         if (!hit.found()) { // escaped
+            if (!lane.entered && hit.backFace < kInfinity) ++counters.backFaces;
             if (lane.entered)
                 for (const LightSet::Map& map : lights_.maps) {
                     float weight = 1.0f;
@@ -304,13 +323,14 @@ void PassTracer::advance(Lane& lane, float* radiance)
             lane.alive = false;
             return;
         }
+        if (!lane.entered && hit.backFace < hit.distance - state_.sheetAt(hit.distance)) ++counters.backFaces;
         if (body) lane.throughput *= scattering ? distances.weightToSurface(body->medium, hit.distance) : glm::exp(-body->medium.sigmaT * hit.distance);
 
         Vertex& v = lane.vertex;
         v.throughput = lane.throughput;
         if (state_.isFiber(hit)) {
-            if (!lane.entered) coverage_ += 1.0f;
-            lane.entered = lane.hasVertex = true;
+            enterObject(lane);
+            lane.hasVertex = true;
             makeFiberVertex(state_, hit, lane.origin + lane.direction * hit.distance, -lane.direction, lane.leastAlpha > kMinAlpha, v);
             return;
         }
@@ -326,8 +346,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
             lane.origin = straightOn;
             continue;
         }
-        if (!lane.entered) coverage_ += 1.0f;
-        lane.entered = true;
+        enterObject(lane);
         if (here.invisible) {
             enterMedium(lane, v.surface);
             lane.origin = straightOn;
@@ -340,6 +359,29 @@ void PassTracer::advance(Lane& lane, float* radiance)
         return;
     }
     lane.alive = false;
+}
+
+/// The camera's ray has met something that is not clear.
+void PassTracer::enterObject(Lane& lane)
+{
+    if (lane.entered) return;
+    coverage_ += 1.0f;
+    ++counters.cameraHits;
+    lane.entered = true;
+}
+
+/// What a ray meets that is no longer the camera's: any surface, from either side. Where two single-sided sheets lie back to back, the one that
+/// faces the ray.
+RayHit PassTracer::meetAny(const Lane& lane, float nearDistance, float farDistance)
+{
+    const RayHit hit = state_.rays->intersect(lane.origin, lane.direction, nearDistance, farDistance);
+    const MeshScene& mesh = state_.scene.mesh;
+    if (!hit.found() || state_.isFiber(hit) || !hit.back || mesh.materials[size_t(mesh.meshes[hit.mesh].material)].doubleSided) return hit;
+    ++counters.pathRays;
+    const float slack = state_.sheetAt(hit.distance);
+    const RayHit front = state_.rays->intersectFront(lane.origin, lane.direction, std::max(nearDistance, hit.distance - slack),
+                                                     std::min(farDistance, hit.distance + slack));
+    return front.found() ? front : hit;
 }
 
 /// Or leave it, when the surface was met from inside.
@@ -383,12 +425,14 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
         rows_.r[i] = rows_.g[i] = rows_.b[i] = 0.0f;
         rows_.ox[i] = rows_.oy[i] = rows_.oz[i] = rows_.nx[i] = rows_.ny[i] = rows_.gx[i] = rows_.gy[i] = 0.0f;
         rows_.nz[i] = rows_.gz[i] = 1.0f;
+        rows_.leastSide[i] = 0.0f;
         if (!lane.alive) continue;
         const glm::vec3 o = v.onSurface() ? v.position + v.ng * state_.offset : v.position;
         rows_.ox[i] = o.x, rows_.oy[i] = o.y, rows_.oz[i] = o.z;
         rows_.gx[i] = v.ng.x, rows_.gy[i] = v.ng.y, rows_.gz[i] = v.ng.z;
         const glm::vec3& n = v.surface.bsdf.frame.n;
         rows_.nx[i] = n.x, rows_.ny[i] = n.y, rows_.nz[i] = n.z;
+        if (v.surface.bsdf.bulges) rows_.leastSide[i] = -2.0f; // any
         if (!rows_.plain[i]) continue;
         const glm::vec3 w = v.throughput * v.surface.bsdf.diffuse * kInvPi;
         rows_.r[i] = w.x, rows_.g[i] = w.y, rows_.b[i] = w.z;
@@ -408,20 +452,20 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
             reach[i] = light.point ? r2 * inverse * 0.9999f : kInfinity;
             const float cosine = wx[i] * rows_.nx[i] + wy[i] * rows_.ny[i] + wz[i] * rows_.nz[i];
             const float side = wx[i] * rows_.gx[i] + wy[i] * rows_.gy[i] + wz[i] * rows_.gz[i];
-            strength[i] = (cosine > 0.0f && side > 0.0f ? cosine : 0.0f) * (light.point ? inverse * inverse : 1.0f);
+            strength[i] = (cosine > 0.0f && side > rows_.leastSide[i] ? cosine : 0.0f) * (light.point ? inverse * inverse : 1.0f);
         }
 
         for (int i = 0; i < kLanes; ++i) {
             if (!rows_.lit[i]) continue;
             const Vertex& v = lanes_[size_t(i)].vertex;
-            glm::vec3 origin(rows_.ox[i], rows_.oy[i], rows_.oz[i]), f = glm::vec3(rows_.r[i], rows_.g[i], rows_.b[i]) * strength[i];
+            glm::vec3 f = glm::vec3(rows_.r[i], rows_.g[i], rows_.b[i]) * strength[i];
             const glm::vec3 w(wx[i], wy[i], wz[i]);
             if (!rows_.plain[i]) {
                 const float falloff = light.point ? sqr(0.9999f / reach[i]) : 1.0f;
                 f = v.throughput * v.evaluateForLamp(w, state_) * falloff;
-                if (v.kind == VertexKind::kSurface && glm::dot(w, v.ng) < 0.0f) origin = v.position - v.ng * state_.offset;
             }
             if (!(f.x + f.y + f.z > 0.0f)) continue;
+            const glm::vec3 origin = v.originTowards(w, state_.offset);
             ++counters.shadowRays;
             float* pixel = radiance + 3 * light.image;
             if (seeThrough) addTo(pixel, f * light.intensity * transmittance(origin, w, v.reachFrom(), reach[i], v.mediumAround()));
@@ -445,8 +489,7 @@ void PassTracer::lightMaps(float* radiance)
             if (!map.light.sample(lane.sampler.get2((uint32_t(m + 1) << 24) + lane.vertices), &w, &value, &pdf)) continue;
             const glm::vec3 f = v.evaluate(w, state_);
             if (!(maxOf(f) > 0.0f)) continue;
-            const float side = !v.onSurface() ? 0.0f : glm::dot(w, v.ng) < 0.0f ? -1.0f : 1.0f;
-            const glm::vec3 origin = v.position + v.ng * (side * state_.offset);
+            const glm::vec3 origin = v.originTowards(w, state_.offset);
             glm::vec3 left(1.0f);
             ++counters.shadowRays;
             if (seeThrough) left = transmittance(origin, w, v.reachFrom(), kInfinity, v.mediumAround());
@@ -488,13 +531,13 @@ void PassTracer::scatter(Lane& lane)
     } else if (v.kind == VertexKind::kWalkExit) {
         const Frame& frame = v.surface.bsdf.frame;
         wi = frame.toWorld(sampleCosine(lane.sampler.get2(dimension)));
-        if (!(glm::dot(wi, v.ng) > 0.0f)) {
+        if (!(glm::dot(wi, v.ng) > 0.0f || v.surface.bsdf.bulges)) {
             lane.alive = false;
             return;
         }
         lane.pdf = v.pdf(wi, state_);
         lane.throughput *= walkExitFactor(v.surface.bsdf, glm::dot(frame.n, wi));
-        lane.origin = v.position + v.ng * state_.offset;
+        lane.origin = v.originTowards(wi, state_.offset);
     } else {
         glm::vec2 choice = lane.sampler.get2(dimension + 1);
         const float walk = v.surface.chanceSubsurface;
@@ -511,9 +554,8 @@ void PassTracer::scatter(Lane& lane)
         }
         lane.throughput *= weight / (1.0f - walk);
         lane.pdf = pdf * (1.0f - walk);
-        const bool through = glm::dot(wi, v.ng) < 0.0f;
-        lane.origin = v.position + v.ng * (through ? -state_.offset : state_.offset);
-        if (through && state_.surfaces->body(v.surface.material).boundary) enterMedium(lane, v.surface);
+        lane.origin = v.originTowards(wi, state_.offset);
+        if (glm::dot(wi, v.ng) < 0.0f && state_.surfaces->body(v.surface.material).boundary) enterMedium(lane, v.surface);
     }
     lane.direction = wi;
     if (lane.pdf < kNarrowDensity) lane.leastAlpha = indirectAlpha_;
@@ -672,6 +714,7 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
         stats->samplesPerPixel = done * kLanes;
         stats->noise = std::move(noise);
         stats->pathRays = all.pathRays, stats->shadowRays = all.shadowRays, stats->walkRays = all.walkRays;
+        stats->backFaces = all.backFaces ? std::min(1.0, double(all.backFaces) / double(all.cameraHits + all.backFaces)) : 0.0;
         stats->leakedWalks = all.walks ? double(all.leaked) / double(all.walks) : 0.0;
         stats->cutWalks = all.walks ? double(all.cut) / double(all.walks) : 0.0;
         stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -71,10 +71,14 @@ struct RenderStats {
                                    // luminance as shown, 1 at most: the inside of a highlight does not count
     double seconds = 0;
     uint64_t pathRays = 0, shadowRays = 0, walkRays = 0;
+    double backFaces = 0;          // share of the camera rays that meet the object, and passed a back face of a single-sided material
     double leakedWalks = 0;        // share of random walks that left through a hole of an open surface
     double cutWalks = 0;           // share of random walks cut at the step limit
 };
 
+/// As glTF wants it, cameras do not see the backs of materials that are not double-sided: their rays go on to what is behind. Light does:
+/// backs throw shadows and reflect, so that a room or a jar that is open towards the camera is lit like one that is not. The boundary
+/// of a volume has both sides for all.
 class PathTracer {
 public:
     /// Builds the ray acceleration structures. Errors kBadInput: an override that matches no material, an environment map that does

@@ -25,6 +25,7 @@ struct RayScene::State {
     Body everything;
     RayLog* log = nullptr;
     std::vector<uint32_t> segmentStarts;
+    std::vector<uint8_t> singleSided; // per geometry
     std::atomic<ptrdiff_t> bytes{0};
 };
 
@@ -37,7 +38,7 @@ static bool countMemory(void* counter, ptrdiff_t bytes, bool /*after*/)
 static RTCScene newScene(RTCDevice device)
 {
     RTCScene scene = rtcNewScene(device);
-    rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
     rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_HIGH);
     return scene;
 }
@@ -65,7 +66,9 @@ RayScene::RayScene(const MeshScene& mesh, const HairStrands& hair, int threads) 
                                    m.triangles.size());
         rtcCommitGeometry(geometry);
         s.geometries.push_back(geometry);
+        s.singleSided.push_back(!mesh.materials[size_t(m.material)].doubleSided);
     }
+    s.singleSided.push_back(false); // fibres
     if (hair.segmentCount() > 0) {
         s.segmentStarts.resize(hair.segmentCount());
         for (size_t i = 0; i < s.segmentStarts.size(); ++i) s.segmentStarts[i] = uint32_t(4 * i);
@@ -103,7 +106,28 @@ void RayScene::prepareBody(int material)
 const RayScene::Body& RayScene::body(int material) const { return state_->bodies[size_t(material)]; }
 const RayScene::Body& RayScene::everything() const { return state_->everything; }
 
-static RayHit trace(RTCScene scene, const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance)
+/// The ray library hands a ray's context back to the filter.
+struct FrontContext {
+    RTCIntersectContext rtc;
+    const uint8_t* singleSided;
+    float backFace;
+};
+
+static void rejectBackFaces(const RTCFilterFunctionNArguments* a)
+{
+    if (a->N != 1 || a->valid[0] != -1) return; // single rays only
+    auto* context = reinterpret_cast<FrontContext*>(a->context);
+    const auto* ray = reinterpret_cast<const RTCRay*>(a->ray);
+    const auto* hit = reinterpret_cast<const RTCHit*>(a->hit);
+    if (!context->singleSided[hit->geomID]) return;
+    if (!(hit->Ng_x * ray->dir_x + hit->Ng_y * ray->dir_y + hit->Ng_z * ray->dir_z > 0.0f)) return;
+    context->backFace = std::min(context->backFace, ray->tfar);
+    a->valid[0] = 0;
+}
+
+/// `singleSided`: cull their back faces; null: meet everything.
+static RayHit trace(RTCScene scene, const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance,
+                    const uint8_t* singleSided = nullptr)
 {
     RTCRayHit r;
     r.ray.org_x = origin.x, r.ray.org_y = origin.y, r.ray.org_z = origin.z;
@@ -111,23 +135,34 @@ static RayHit trace(RTCScene scene, const glm::vec3& origin, const glm::vec3& di
     r.ray.tnear = nearDistance, r.ray.tfar = farDistance;
     r.ray.time = 0, r.ray.mask = ~0u, r.ray.id = 0, r.ray.flags = 0;
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    rtcIntersect1(scene, &context, &r);
+    FrontContext context;
+    rtcInitIntersectContext(&context.rtc);
+    if (singleSided) context.rtc.filter = rejectBackFaces;
+    context.singleSided = singleSided;
+    context.backFace = kInfinity;
+    rtcIntersect1(scene, &context.rtc, &r);
     RayHit hit;
+    hit.backFace = context.backFace;
     if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
-    return {r.hit.geomID, r.hit.primID, r.hit.u, r.hit.v, r.ray.tfar};
+    const bool back = r.hit.Ng_x * direction.x + r.hit.Ng_y * direction.y + r.hit.Ng_z * direction.z > 0.0f;
+    return {r.hit.geomID, r.hit.primID, r.hit.u, r.hit.v, r.ray.tfar, context.backFace, back};
 }
 
 RayHit RayScene::intersect(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const
 {
-    if (state_->log) state_->log->singles.push_back({origin, direction, nearDistance, farDistance, false, state_->scene});
+    if (state_->log) state_->log->singles.push_back({origin, direction, nearDistance, farDistance, false, false, state_->scene});
     return trace(state_->scene, origin, direction, nearDistance, farDistance);
+}
+
+RayHit RayScene::intersectFront(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const
+{
+    if (state_->log) state_->log->singles.push_back({origin, direction, nearDistance, farDistance, false, true, state_->scene});
+    return trace(state_->scene, origin, direction, nearDistance, farDistance, state_->singleSided.data());
 }
 
 RayHit RayScene::Body::intersect(const glm::vec3& origin, const glm::vec3& direction, float farDistance) const
 {
-    if (*log) (*log)->singles.push_back({origin, direction, 0.0f, farDistance, false, scene});
+    if (*log) (*log)->singles.push_back({origin, direction, 0.0f, farDistance, false, false, scene});
     return trace(static_cast<RTCScene>(scene), origin, direction, 0.0f, farDistance);
 }
 
@@ -165,7 +200,7 @@ void RayScene::occluded(const int32_t valid[8], ShadowPacket& packet, bool coher
 
 bool RayScene::occluded(const glm::vec3& origin, const glm::vec3& direction, float nearDistance, float farDistance) const
 {
-    if (state_->log) state_->log->singles.push_back({origin, direction, nearDistance, farDistance, true, state_->scene});
+    if (state_->log) state_->log->singles.push_back({origin, direction, nearDistance, farDistance, true, false, state_->scene});
     return occludedSingle(state_->scene, origin, direction, nearDistance, farDistance);
 }
 
@@ -176,7 +211,7 @@ void RayScene::replay(const RayLog& log) const
     for (const RayLog::Single& s : log.singles) {
         RTCScene scene = static_cast<RTCScene>(const_cast<void*>(s.scene));
         if (s.shadow) occludedSingle(scene, s.origin, s.direction, s.nearDistance, s.farDistance);
-        else trace(scene, s.origin, s.direction, s.nearDistance, s.farDistance);
+        else trace(scene, s.origin, s.direction, s.nearDistance, s.farDistance, s.frontOnly ? state_->singleSided.data() : nullptr);
     }
     for (const RayLog::Packet& p : log.packets) {
         ShadowPacket packet = p.rays; // tracing overwrites it

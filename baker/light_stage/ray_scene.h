@@ -19,6 +19,8 @@ struct RayHit {
     uint32_t primitive = 0;     // triangle of the mesh, or segment of the fibres
     float u = 0, v = 0;         // barycentric weights of vertices 1 and 2; fibres: along in [0, 1], across in [-1, 1]
     float distance = kInfinity;
+    float backFace = kInfinity; // intersectFront: distance of the nearest back face that was passed on the way
+    bool back = false;          // a triangle, met from behind
     bool found() const { return mesh != kNoHit; }
 };
 
@@ -35,7 +37,7 @@ struct RayLog {
     struct Single {
         glm::vec3 origin, direction;
         float nearDistance, farDistance;
-        bool shadow;
+        bool shadow, frontOnly;
         const void* scene;
     };
     struct Packet {
@@ -54,6 +56,8 @@ public:
     ~RayScene();
 
     RayHit intersect(const glm::vec3& origin, const glm::vec3& direction, float nearDistance = 0, float farDistance = kInfinity) const;
+    /// The same, but triangles of materials that are not double-sided are met from the front only.
+    RayHit intersectFront(const glm::vec3& origin, const glm::vec3& direction, float nearDistance = 0, float farDistance = kInfinity) const;
     /// The triangles of one material as a scene of their own, for walks inside that body.
     struct Body {
         void* scene = nullptr;

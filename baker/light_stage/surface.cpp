@@ -4,10 +4,10 @@
 #include "light_stage/surface.h"
 
 #include "light_stage/texture_sampling.h"
+#include "mesh/closed_surface.h"
 #include "mesh/material_names.h"
 
 #include <algorithm>
-#include <unordered_map>
 
 namespace nacre::stage {
 
@@ -39,6 +39,21 @@ struct Corner {
         return glm::clamp(c, 0.0f, 1.0f);
     }
 };
+
+/// From the point on the flat triangle to the curved surface that the vertex normals describe, where it lies outside (Hanika, "Hacking the
+/// Shadow Terminator", Ray Tracing Gems II, 2021): the point is projected onto the tangent planes of the vertices, and the three projections
+/// are averaged with its barycentric weights. Zero where the surface is hollow, and where a normal points behind the triangle.
+/// `side`: -1 seen from inside, where the hollow is on the other side.
+glm::vec3 liftOf(const Corner& corner, const glm::vec3& point, const glm::vec3& outward, float side)
+{
+    glm::vec3 lift(0.0f);
+    for (int k = 0; k < 3; ++k) {
+        const glm::vec3 n = side * corner.mesh.normals[corner.index[k]];
+        if (!(glm::dot(n, outward) > 0.0f)) return glm::vec3(0.0f);
+        lift -= corner.weight[k] * std::min(0.0f, glm::dot(point - corner.mesh.positions[corner.index[k]], n)) * n;
+    }
+    return lift;
+}
 
 float opacityOf(const MeshMaterial& m, float alpha)
 {
@@ -82,54 +97,10 @@ glm::vec3 grazingAtLeast(glm::vec3 w)
 /// Times the object's size: steps much shorter would drown in the rounding of positions.
 constexpr float kShortestFreePath = 2e-5f;
 
+/// Times the object's size: vertices nearer to each other are one. The rounding of exporters (sin 2 pi is not sin 0) and of positions.
+constexpr float kWeld = 1e-6f;
+
 // ---- bodies: which meshes bound a medium, and whether they can ---------------------------------------------------------------
-
-struct Vec3Hash {
-    size_t operator()(const glm::vec3& p) const
-    {
-        uint64_t h = 0;
-        for (int i = 0; i < 3; ++i) h = (h ^ (__builtin_bit_cast(uint32_t, p[i] + 0.0f))) * 0x9e3779b97f4a7c15ull, h ^= h >> 29;
-        return size_t(h);
-    }
-};
-
-/// Vertices at equal places are one vertex; an edge is open if not as many triangles run along it one way as the other.
-size_t countOpenEdges(const MeshScene& scene, int material)
-{
-    std::unordered_map<glm::vec3, uint32_t, Vec3Hash> idOfPlace;
-    std::unordered_map<uint64_t, int> balance;
-    for (const TriangleMesh& m : scene.meshes) {
-        if (m.material != material) continue;
-        for (const glm::uvec3& t : m.triangles)
-            for (int k = 0; k < 3; ++k) {
-                const uint32_t a = idOfPlace.try_emplace(m.positions[t[k]], uint32_t(idOfPlace.size())).first->second;
-                const uint32_t b = idOfPlace.try_emplace(m.positions[t[(k + 1) % 3]], uint32_t(idOfPlace.size())).first->second;
-                if (a != b) balance[(uint64_t(std::min(a, b)) << 32) | std::max(a, b)] += a < b ? 1 : -1;
-            }
-    }
-    size_t open = 0;
-    for (const auto& [edge, n] : balance) open += n != 0;
-    return open;
-}
-
-double signedVolume(const MeshScene& scene, int material)
-{
-    double sum = 0.0;
-    for (const TriangleMesh& m : scene.meshes)
-        if (m.material == material)
-            for (const glm::uvec3& t : m.triangles)
-                sum += glm::dot(glm::dvec3(m.positions[t.x]), glm::cross(glm::dvec3(m.positions[t.y]), glm::dvec3(m.positions[t.z]))) / 6.0;
-    return sum;
-}
-
-void flip(MeshScene& scene, int material)
-{
-    for (TriangleMesh& m : scene.meshes) {
-        if (m.material != material) continue;
-        for (glm::uvec3& t : m.triangles) std::swap(t.y, t.z);
-        for (glm::vec3& n : m.normals) n = -n;
-    }
-}
 
 glm::vec3 clampAlbedo(const glm::vec3& a) { return glm::clamp(a, 0.0f, 1.0f); }
 
@@ -219,6 +190,7 @@ Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::st
         const std::string name = "material " + inQuotes(m.name);
         table.seeThrough_ = table.seeThrough_ || m.alphaMode != AlphaMode::kOpaque || body.invisible;
         if (!body.scatters && !body.boundary) continue;
+        mesh.materials[i].doubleSided = true; // the boundary of a volume is there from both sides
         if (maxOf(body.medium.sigmaT) > mostSigma) {
             body.medium.sigmaT = glm::min(body.medium.sigmaT, mostSigma);
             warnings.push_back(name + ": its mean free path is below 1/50000 of the object's size and was raised to that (the eye sees an "
@@ -226,9 +198,9 @@ Result<SurfaceTable> SurfaceTable::create(StageScene& scene, std::vector<std::st
         }
         if (signedVolume(mesh, int(i)) < 0.0) {
             warnings.push_back(name + ": its surface is inside out (negative volume), which matters for a volume: turned round");
-            flip(mesh, int(i));
+            turnInsideOut(mesh, int(i));
         }
-        if (const size_t open = countOpenEdges(mesh, int(i)); open > 0)
+        if (const size_t open = countOpenEdges(mesh, int(i), kWeld * size); open > 0)
             warnings.push_back(name + ": used as a volume, but its surface is open along " + std::to_string(open) +
                                " edges; light leaks there and is lost (close the mesh, or expect dark places)");
         if (body.boundary && !body.invisible && m.roughness * m.roughness < kMinAlpha)
@@ -265,6 +237,10 @@ SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, c
     s.opacity = opacityOf(m, color.a);
     SurfaceBsdf& b = s.bsdf;
     b.ng = side * s.geometricNormal;
+    if (!mesh.normals.empty() && !body.boundary) { // through a boundary, rays keep to the triangles: they count who is inside
+        s.lift = liftOf(corner, s.position, b.ng, side);
+        b.bulges = glm::dot(s.lift, b.ng) > 0.0f;
+    }
     b.baseColor = glm::vec3(color);
     const glm::vec4 mr = corner.texture(scene, m.metallicRoughnessTexture);
     b.metallic = glm::clamp(m.metallic * mr.b, 0.0f, 1.0f);

@@ -240,6 +240,7 @@ Status Synthesis::renderGroup(const Group& group)
         assert(images->size() == count && stats.noise.size() == count);
         report.seconds += stats.seconds;
         report.rays += stats.pathRays + stats.shadowRays + stats.walkRays;
+        report.backFaces = std::max(report.backFaces, stats.backFaces);
         report.leakedWalks = std::max(report.leakedWalks, stats.leakedWalks);
         report.cutWalks = std::max(report.cutWalks, stats.cutWalks);
 
