@@ -127,6 +127,26 @@ static GltfBuilder richScene()
     return b;
 }
 
+/// Joints, morph targets, instances and hidden nodes.
+static GltfBuilder movedScene()
+{
+    GltfBuilder b = quadBuilder();
+    b.primitive()["targets"] = {{{"POSITION", b.floats(Vec3s(4, {0, 0, 1}))}, {"NORMAL", b.floats(Vec3s(4, {0, 1, 0}))}}};
+    Bytes joints, bind;
+    for (int i = 0; i < 16; i++) appendValue(joints, uint8_t(i % 2));
+    for (int i = 0; i < 32; i++) appendValue(bind, float(i % 5 == 0));
+    b.attributes()["JOINTS_0"] = b.accessor(b.view(joints), 5121, "VEC4", 4);
+    b.attributes()["WEIGHTS_0"] = b.floats(Vec4s(4, {0.5f, 0.25f, 0.25f, 0}));
+    b.add("skins", {{"joints", {1, 2}}, {"inverseBindMatrices", b.accessor(b.view(bind), 5126, "MAT4", 2)}});
+    const json instancing = {{"attributes", {{"TRANSLATION", b.floats(Vec3s{{1, 0, 0}, {2, 0, 0}})}, {"SCALE", b.floats(Vec3s(2, {1, -1, 1}))}}}};
+    b.root["nodes"] = {{{"mesh", 0}, {"skin", 0}, {"weights", {0.5}}},
+                       {{"children", {2}}, {"translation", {1e7, 0, 0}}},
+                       {{"rotation", {0, 0, 1, 0}}},
+                       {{"mesh", 0}, {"extensions", {{"EXT_mesh_gpu_instancing", instancing}}}},
+                       {{"mesh", 0}, {"extensions", {{"KHR_node_visibility", {{"visible", false}}}}}}};
+    return b;
+}
+
 extern "C" size_t nacreFuzzSeed(uint8_t* out, size_t cap, unsigned i)
 {
     GltfBuilder jpeg = quadBuilder({{"normalTexture", {{"index", 0}}}});
@@ -136,6 +156,7 @@ extern "C" size_t nacreFuzzSeed(uint8_t* out, size_t cap, unsigned i)
         quadBuilder().glb(),
         richScene().glb(),
         richScene().gltfEmbedded(),
+        movedScene().glb(),
         quadBuilder().gltf("quad.bin"),
         jpeg.glb(),
         flatJpeg(200, 100, 50),
