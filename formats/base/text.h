@@ -1,6 +1,7 @@
 // Text from outside (files, other libraries) made fit for one line of a message or a terminal.
 #pragma once
 
+#include <charconv>
 #include <string>
 #include <string_view>
 
@@ -25,7 +26,15 @@ inline std::string oneLine(std::string_view text, size_t maxBytes = std::string_
     return line;
 }
 
-/// The same with quotes around it: what a message quotes from a file.
+/// The shortest text that reads back as `value`, whatever the locale: printf and std::to_string follow the host's decimal comma.
+template <class Float>
+std::string numberText(Float value)
+{
+    char text[64];
+    return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
+/// oneLine with quotes around it: what a message quotes from a file.
 inline std::string inQuotes(std::string_view text) { return std::string(1, '\'').append(oneLine(text, 200)).append(1, '\''); }
 
 } // namespace nacre

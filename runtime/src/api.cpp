@@ -3,6 +3,7 @@
 
 #include "appearance/sss/sss_edit.h"
 #include "asset/asset_decode.h"
+#include "base/text.h"
 #include "host_depth.h"
 
 #include <cmath>
@@ -63,15 +64,15 @@ Failure checkLight(const NacreLight& light, size_t index)
     for (int c = 0; c < 3; ++c) {
         if (!(std::abs(light.vector[c]) <= kFarthest)) return invalid(which + "vector is not finite or beyond 1e15");
         if (!(light.intensity[c] >= 0 && light.intensity[c] <= kBrightest))
-            return invalid(which + "intensity must be from 0 to 1e15, found " + std::to_string(light.intensity[c]));
+            return invalid(which + "intensity must be from 0 to 1e15, found " + nacre::numberText(light.intensity[c]));
         length2 += double(light.vector[c]) * light.vector[c];
     }
     if (light.type == NACRE_LIGHT_DIRECTIONAL && !(std::abs(length2 - 1.0) < 1e-2))
-        return invalid(which + "vector of a directional light must have length 1, found " + std::to_string(std::sqrt(length2)));
+        return invalid(which + "vector of a directional light must have length 1, found " + nacre::numberText(std::sqrt(length2)));
     if (light.type == NACRE_LIGHT_POINT && !(light.radius >= 0 && light.radius <= kFarthest))
         return invalid(which + "radius must be finite and not negative");
     if (light.type == NACRE_LIGHT_DIRECTIONAL && !(light.radius >= 0 && light.radius <= kWidestLight))
-        return invalid(which + "radius of a directional light is an angle from 0 to 1.6 radians, found " + std::to_string(light.radius));
+        return invalid(which + "radius of a directional light is an angle from 0 to 1.6 radians, found " + nacre::numberText(light.radius));
     return {};
 }
 
@@ -84,7 +85,7 @@ Failure checkEdit(const NacreEdit& edit, size_t index)
     if (region < NACRE_REGION_EVERYWHERE || region > NACRE_REGION_SPHERE) return invalid(which + "unknown region " + std::to_string(region));
     const int values = target == NACRE_EDIT_BASE_COLOR || target == NACRE_EDIT_RESIDUAL ? 3 : 1;
     for (int k = 0; k < values; ++k)
-        if (!(edit.value[k] >= 0 && edit.value[k] <= 1e4f)) return invalid(which + "values must be from 0 to 10000, found " + std::to_string(edit.value[k]));
+        if (!(edit.value[k] >= 0 && edit.value[k] <= 1e4f)) return invalid(which + "values must be from 0 to 10000, found " + nacre::numberText(edit.value[k]));
     for (int k = 0; k < 3 && region != NACRE_REGION_EVERYWHERE; ++k)
         if (!std::isfinite(edit.low[k]) || (region == NACRE_REGION_BOX && !std::isfinite(edit.high[k]))) return invalid(which + "the region is not finite");
     if (region == NACRE_REGION_SPHERE && !(edit.high[0] >= 0 && std::isfinite(edit.high[0]))) return invalid(which + "the radius must be finite and not negative");

@@ -72,6 +72,13 @@ void drawQuads(const NacreAssetImpl& asset)
 Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
 {
     const NacreContextImpl& context = *asset.context;
+    if (desc.viewportWidth < 0 || desc.viewportHeight < 0)
+        return {NACRE_ERROR_INVALID_ARGUMENT, "the viewport is " + std::to_string(desc.viewportWidth) + " x " +
+                                                  std::to_string(desc.viewportHeight) + " pixels, neither may be negative"};
+    if (desc.viewportWidth == 0 || desc.viewportHeight == 0) { // a minimised window, whose aspect ratio and targets need not be valid
+        asset.stats = {};
+        return {};
+    }
     DrawFrame frame;
     if (Failure f = makeFrame(desc, clipControl(context.gl), &frame)) return f;
 

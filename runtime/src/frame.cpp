@@ -16,19 +16,40 @@ static bool allFinite(const float* m)
     return sum == 0.0f;
 }
 
-/// Rotation, mirrored or not, times a uniform scale, affine. `*scale` is the scale, positive.
-static bool isSimilarity(const glm::dmat4& m, double* scale)
+// Hosts compose, drift and invert matrices in float, so nothing is tested for an exact value. A deliberate stretch, shear or perspective
+// is larger than these.
+constexpr double kShapeTolerance = 1e-3;       // 1e4 products of float rotations, never normalised, stay within it
+constexpr double kPerspectiveTolerance = 1e-4; // per unit of the result: inverses of matrices whose translation is 1000 round by 6e-5
+
+/// Rotation, mirrored or not, times a uniform scale, affine: true if `m` is one but for rounding, and then exactly affine afterwards.
+/// `*scale` is the scale, positive.
+static bool isSimilarity(glm::dmat4& m, double* scale)
 {
-    constexpr double kTolerance = 1e-3; // hosts compose float matrices; a deliberate stretch is larger
+    // An inverse is a matrix of cofactors over the determinant, whose rounding multiplies all elements alike: divided out.
+    if (!(std::abs(m[3][3] - 1.0) < kShapeTolerance)) return false;
+    m /= m[3][3];
     const glm::dmat3 a(m);
     const double k = std::cbrt(std::abs(glm::determinant(a)));
     *scale = k;
-    if (!(k > 1e-12) || m[0][3] != 0 || m[1][3] != 0 || m[2][3] != 0 || m[3][3] != 1) return false;
+    if (!(k > 1e-12)) return false;
+    for (int i = 0; i < 3; ++i) {
+        if (!(std::abs(m[i][3]) < kPerspectiveTolerance * k)) return false;
+        m[i][3] = 0;
+    }
     const glm::dmat3 gram = glm::transpose(a) * a / (k * k);
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
-            if (!(std::abs(gram[i][j] - (i == j ? 1.0 : 0.0)) < kTolerance)) return false;
+            if (!(std::abs(gram[i][j] - (i == j ? 1.0 : 0.0)) < kShapeTolerance)) return false;
     return true;
+}
+
+/// Clip w grows with -z and, but for rounding, with nothing else; the eye may be shifted. Orthographic matrices have w = 1.
+static bool isPerspective(const glm::dmat4& p)
+{
+    constexpr double kFarthestEye = 1e6; // an orthographic matrix that was inverted twice has its eye at 1e7 or farther
+    const double perDepth = -p[2][3];
+    return perDepth > 0 && std::abs(p[0][3]) < kShapeTolerance * perDepth && std::abs(p[1][3]) < kShapeTolerance * perDepth &&
+           std::abs(p[3][3]) < kFarthestEye * perDepth;
 }
 
 // A projection is taken as it comes: off centre, with the eye shifted in the projection (stereo), with a tilted near plane (mirrors and
@@ -73,20 +94,16 @@ Failure makeFrame(const NacreDrawDesc& desc, const ClipControl& clip, DrawFrame*
         {"worldFromAsset", desc.worldFromAsset}, {"viewFromWorld", desc.viewFromWorld}, {"clipFromView", desc.clipFromView}};
     for (const auto& [name, m] : matrices)
         if (!allFinite(m)) return invalid(std::string(name) + " has a value that is not finite");
-    if (desc.viewportWidth <= 0 || desc.viewportHeight <= 0)
-        return invalid("the viewport is " + std::to_string(desc.viewportWidth) + " x " + std::to_string(desc.viewportHeight) +
-                       " pixels, both must be positive");
 
-    const glm::dmat4 worldFromAsset(glm::make_mat4(desc.worldFromAsset)), viewFromWorld(glm::make_mat4(desc.viewFromWorld));
+    glm::dmat4 worldFromAsset(glm::make_mat4(desc.worldFromAsset)), viewFromWorld(glm::make_mat4(desc.viewFromWorld));
     const glm::dmat4 clipFromView(glm::make_mat4(desc.clipFromView));
     double worldScale = 0, viewScale = 0;
     if (!isSimilarity(worldFromAsset, &worldScale))
         return invalid("worldFromAsset must be a rotation (or a mirrored one), a translation and one uniform scale");
-    if (!isSimilarity(viewFromWorld, &viewScale) || std::abs(viewScale - 1) > 1e-3)
+    if (!isSimilarity(viewFromWorld, &viewScale) || std::abs(viewScale - 1) > kShapeTolerance)
         return invalid("viewFromWorld must be rigid: a rotation (or a mirrored one) and a translation");
-    if (!(clipFromView[2][3] < 0) || clipFromView[3][3] != 0 || clipFromView[0][3] != 0 || clipFromView[1][3] != 0)
+    if (!isPerspective(clipFromView))
         return invalid("clipFromView must be a perspective projection with clip w = -z (column-major, see nacre.h)");
-
     if (!(std::abs(glm::determinant(xywFromView(clipFromView))) > 0))
         return invalid("clipFromView flattens the picture: its first, second and fourth row do not span space");
 

@@ -1,26 +1,21 @@
 #include "program.h"
 
 #include "appearance/visibility_map.h"
+#include "base/text.h"
 #include "shader_sources.h"
 #include "splats/blend.h"
 
-#include <cstdio>
 #include <utility>
 
 namespace nacre {
 
-std::string define(const char* name, int value)
-{
-    char line[64];
-    std::snprintf(line, sizeof line, "#define %s %d\n", name, value);
-    return line;
-}
+std::string define(const char* name, int value) { return std::string("#define ") + name + ' ' + std::to_string(value) + '\n'; }
 
 std::string define(const char* name, float value)
 {
-    char line[64];
-    std::snprintf(line, sizeof line, "#define %s %#.9g\n", name, double(value)); // #: 4 must not become an int
-    return line;
+    std::string text = numberText(value);
+    if (text.find_first_of(".e") == std::string::npos) text += ".0"; // 4 must not become an int
+    return std::string("#define ") + name + ' ' + text + '\n';
 }
 
 std::string commonDefines(const NacreAssetImpl& asset, int glslVersion)

@@ -1,6 +1,7 @@
 #include "textures.h"
 
 #include "base/half.h"
+#include "base/text.h"
 #include "gl_state.h"
 
 #include <cmath>
@@ -78,7 +79,7 @@ Failure checkHalfRange(const Channel& channel)
 {
     for (size_t i = 0; i < channel.values.size(); ++i)
         if (!(std::abs(channel.values[i]) <= kMaxHalf))
-            return {NACRE_ERROR_BAD_ASSET, "channel '" + channel.name + "' has a value of " + std::to_string(channel.values[i]) +
+            return {NACRE_ERROR_BAD_ASSET, "channel '" + channel.name + "' has a value of " + numberText(channel.values[i]) +
                                                " at splat " + std::to_string(i / channel.components) +
                                                ", the largest that can be drawn is 65504"};
     return {};

@@ -592,7 +592,7 @@ TEST_CASE("numbers that are not finite and matrices that are not what they shoul
     refused([](NacreDrawDesc& d) { d.worldFromAsset[0] = 0; }, "uniform scale");
     refused([](NacreDrawDesc& d) { std::fill(d.viewFromWorld, d.viewFromWorld + 12, 0.0f); }, "rigid");
     refused([](NacreDrawDesc& d) { d.clipFromView[11] = 0, d.clipFromView[15] = 1; }, "perspective");
-    refused([](NacreDrawDesc& d) { d.viewportWidth = 0; }, "viewport");
+    refused([](NacreDrawDesc& d) { d.viewportWidth = -1; }, "viewport");
 
     const auto badLight = [&](auto change, const char* word) {
         NacreLight lights[2] = {toNacre(kLamp[0]), toNacre(kLamp[0])};

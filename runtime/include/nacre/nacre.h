@@ -131,8 +131,8 @@ typedef struct NacreDrawDesc {
     float worldFromAsset[16];   // rigid, mirrored or not, plus uniform scale
     float viewFromWorld[16];    // rigid, mirrored or not
     float clipFromView[16];     // perspective projection; off-centre, jittered, reversed, with an oblique near plane: all are fine
-    int viewportWidth;          // pixels of the viewport the host has set (origin as the host set it)
-    int viewportHeight;
+    int viewportWidth;          // pixels of the viewport the host has set (origin as the host set it); 0: nothing is drawn, nothing else is
+    int viewportHeight;         // looked at (a minimised window)
     int depthTest;              // 1: test splat centres against the bound depth buffer with the host's depth function; 0: no test
 } NacreDrawDesc;
 
