@@ -39,7 +39,7 @@ struct VisibleView {
     size_t visibleCount = 0;
 };
 
-/// A group of channels that an asset can do without; or what values have become, that may be better started again (dullness of sss).
+/// A group of channels that an asset can do without; or what values have learnt so far, which may serve worse than starting again (learnt roughness of sss).
 struct OptionalPart {
     std::string name;
     double judgedAt;   // fraction of the bake: when it has to show what it is worth

@@ -34,7 +34,7 @@ static std::string progressText(const BakeProgress& p)
         text += format(" %d/%d", p.iteration, p.iterations);
     else if (p.iteration > 0)
         text += format(" %d", p.iteration);
-    text += ", " + clockText(p.seconds) + " gone";
+    text += ", " + clockText(p.seconds) + " elapsed";
     if (p.secondsLeft >= 0) text += ", " + clockText(p.secondsLeft) + " left";
     if (p.splats > 0) text += format(", %d splats", p.splats);
     if (p.psnrTrain > 0) text += format(", %.2f dB (train, masked)", p.psnrTrain);
@@ -239,8 +239,8 @@ Action addBake(CLI::App& app)
                     "For comparisons: train without these (s: other view dependence, lobe: highlights, visibility: hard shadows, "
                     "sharing: gloss and "
                     "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam; "
-                    "sss: residual, share, visibility, dullness: roughness found from above)")
-        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share", "dullness"}))
+                    "sss: residual, share, visibility, roughness-restart: the trial of starting roughness again from 0.2)")
+        ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share", "roughness-restart"}))
         ->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")
         ->check(numberBetween(0, 1));

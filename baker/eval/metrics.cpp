@@ -4,6 +4,7 @@
 #include "base/color.h"
 #include "eval/flip.h"
 #include "eval/plane_filter.h"
+#include "render/ssim_window.h"
 
 #include <algorithm>
 #include <cassert>
@@ -28,20 +29,11 @@ double psnrOf(double squaredError, size_t samples)
     return mse > 0 ? std::min(kMaxPsnr, -10.0 * std::log10(mse)) : (mse == 0 ? kMaxPsnr : mse); // NaN stays NaN
 }
 
-std::vector<double> gaussianWindow()
-{
-    std::vector<double> window(11);
-    double sum = 0;
-    for (int i = 0; i < 11; ++i) sum += window[size_t(i)] = std::exp(-0.5 * (i - 5) * (i - 5) / (1.5 * 1.5));
-    for (double& w : window) w /= sum;
-    return window;
-}
-
 /// Sum over the pixels of one channel.
 double ssimSum(const Plane& a, const Plane& b)
 {
-    constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
-    static const std::vector<double> window = gaussianWindow();
+    static const auto weights = ssimWindow();
+    static const std::vector<double> window(weights.begin(), weights.end());
     const auto blur = [](const Plane& p) { return filterSeparable(p, window, window, Border::kZero); };
     const auto blurProduct = [&](const Plane& p, const Plane& q) {
         Plane product(p.width, p.height);
@@ -55,7 +47,7 @@ double ssimSum(const Plane& a, const Plane& b)
         const double ma = meanA.values[i], mb = meanB.values[i];
         const double varA = meanAA.values[i] - ma * ma, varB = meanBB.values[i] - mb * mb;
         const double cov = meanAB.values[i] - ma * mb;
-        sum += (2 * ma * mb + kC1) * (2 * cov + kC2) / ((ma * ma + mb * mb + kC1) * (varA + varB + kC2));
+        sum += (2 * ma * mb + kSsimC1) * (2 * cov + kSsimC2) / ((ma * ma + mb * mb + kSsimC1) * (varA + varB + kSsimC2));
     }
     return sum;
 }

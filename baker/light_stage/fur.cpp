@@ -5,10 +5,10 @@
 #include "light_stage/fur.h"
 
 #include "base/hash.h"
+#include "base/random.h"
 #include "base/text.h"
 #include "light_stage/texture_sampling.h"
 #include "mesh/material_names.h"
-#include "splat/random.h"
 
 #include <algorithm>
 #include <cmath>

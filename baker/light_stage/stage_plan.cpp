@@ -7,8 +7,8 @@
 // before it. None can then coincide with one of train, and a few of them cover the region.
 #include "light_stage/stage_plan.h"
 
-#include "splat/random.h"
 #include "base/hash.h"
+#include "base/random.h"
 
 #include <algorithm>
 #include <cmath>

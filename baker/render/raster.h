@@ -3,6 +3,7 @@
 // every (splat, tile) pair owns its gradient row and the rows of one splat are added in tile order.
 #pragma once
 
+#include "render/channel_stride.h"
 #include "render/reference_raster.h"
 #include "render/tiles.h"
 
@@ -11,9 +12,6 @@
 namespace nacre {
 
 constexpr int kMaxChannels = 26;  // a G-buffer of ten and four lights of four
-
-/// Floats per visible splat in the arrays of channels: room for one more than the channels, in whole vectors.
-constexpr int channelStride(int channels) { return channels < 16 ? 16 : 32; }
 
 /// `channels` is 3 or 4 per light of up to four, the latter with a G-buffer of ten: 3, 6, 9, 12, 14, 18, 22 or 26. colors is
 /// [visible][channelStride]; writes channels + 1 planes.

@@ -1,8 +1,8 @@
 #include "splat/visual_hull.h"
 
+#include "base/random.h"
 #include "render/projection.h"
 #include "splat/morton.h"
-#include "splat/random.h"
 
 #include <tbb/parallel_for.h>
 
@@ -76,14 +76,14 @@ VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std:
     const auto at = [&](int64_t x, int64_t y, int64_t z) {
         return x >= 0 && y >= 0 && z >= 0 && x < int64_t(n) && y < int64_t(n) && z < int64_t(n) && hull.inside[(size_t(z) * n + size_t(y)) * n + size_t(x)];
     };
-    std::vector<std::vector<SurfacePoint>> slices(n);
+    std::vector<std::vector<OrientedPoint>> slices(n);
     tbb::parallel_for(size_t(0), n, [&](size_t z) {
         for (size_t y = 0; y < n; ++y)
             for (size_t x = 0; x < n; ++x) {
                 const int64_t i = int64_t(x), j = int64_t(y), k = int64_t(z);
                 if (!at(i, j, k)) continue;
                 if (at(i - 1, j, k) && at(i + 1, j, k) && at(i, j - 1, k) && at(i, j + 1, k) && at(i, j, k - 1) && at(i, j, k + 1)) continue;
-                SurfacePoint s;
+                OrientedPoint s;
                 voxelCenter(x, y, z, s.position);
                 float g[3] = {0, 0, 0}; // occupancy gradient over a 5^3 neighbourhood points inwards
                 for (int dz = -2; dz <= 2; ++dz)
@@ -110,13 +110,13 @@ bool touchesBorder(const VisualHull& hull)
     return false;
 }
 
-std::vector<SurfacePoint> sampleHull(const VisualHull& hull, size_t count, uint64_t seed)
+std::vector<OrientedPoint> sampleHull(const VisualHull& hull, size_t count, uint64_t seed)
 {
     Random random(seed, 0x4011);
-    std::vector<SurfacePoint> points(count);
+    std::vector<OrientedPoint> points(count);
     const float voxel = hull.resolution > 0 ? 2.0f * hull.halfSize / float(hull.resolution) : 0.0f;
     for (size_t i = 0; i < count; ++i) {
-        SurfacePoint& p = points[i];
+        OrientedPoint& p = points[i];
         if (hull.surface.empty()) {
             for (int k = 0; k < 3; ++k) p.position[k] = hull.center[k] + hull.halfSize * (2.0f * random.uniform() - 1.0f), p.normal[k] = k == 2;
             continue;
@@ -127,7 +127,7 @@ std::vector<SurfacePoint> sampleHull(const VisualHull& hull, size_t count, uint6
         for (float& x : p.position) x += voxel * (random.uniform() - 0.5f);
     }
     const std::vector<uint32_t> order = mortonOrder(count, [&](size_t i) { return points[i].position; });
-    std::vector<SurfacePoint> sorted(count);
+    std::vector<OrientedPoint> sorted(count);
     for (size_t i = 0; i < count; ++i) sorted[i] = points[order[i]];
     return sorted;
 }

@@ -9,7 +9,7 @@
 
 namespace nacre {
 
-struct SurfacePoint {
+struct OrientedPoint {
     float position[3];
     float normal[3]; // unit, outwards
 };
@@ -20,7 +20,7 @@ struct VisualHull {
     int resolution = 0;               // voxels per side
     std::vector<uint8_t> inside;      // [z][y][x]
     double surfaceArea = 0;           // estimate
-    std::vector<SurfacePoint> surface; // one per boundary voxel
+    std::vector<OrientedPoint> surface; // one per boundary voxel
 };
 
 /// The cube that every camera frames: centre nearest to all optical axes, half-size what the widest camera sees there.
@@ -33,6 +33,6 @@ VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std:
 bool touchesBorder(const VisualHull& hull);
 
 /// `count` points, evenly and with jitter over the surface; random in the cube if the hull is empty. In Morton order.
-std::vector<SurfacePoint> sampleHull(const VisualHull& hull, size_t count, uint64_t seed);
+std::vector<OrientedPoint> sampleHull(const VisualHull& hull, size_t count, uint64_t seed);
 
 } // namespace nacre

@@ -120,7 +120,7 @@ void checkExposure(Exposure exposure, size_t imageCount, std::vector<std::string
 float distanceToHull(const VisualHull& hull, const glm::vec3& p)
 {
     float nearest2 = std::numeric_limits<float>::max();
-    for (const SurfacePoint& s : hull.surface) {
+    for (const OrientedPoint& s : hull.surface) {
         const glm::vec3 d = p - glm::vec3(s.position[0], s.position[1], s.position[2]);
         nearest2 = std::min(nearest2, glm::dot(d, d));
     }
@@ -169,7 +169,7 @@ Status checkLights(const OlatSplit& split, const VisualHull& hull, std::vector<s
     const std::vector<uint32_t> images = punctualImages(split);
     if (hull.surface.empty() || oneViewpoint(split, images)) return ok(); // the cone behind one silhouette is not the object
     glm::vec3 lo(std::numeric_limits<float>::max()), hi(-lo);
-    for (const SurfacePoint& s : hull.surface)
+    for (const OrientedPoint& s : hull.surface)
         for (int k = 0; k < 3; ++k) lo[k] = std::min(lo[k], s.position[k]), hi[k] = std::max(hi[k], s.position[k]);
     const glm::vec3 half = 0.5f * (hi - lo);
     const float size = std::max({half.x, half.y, half.z});

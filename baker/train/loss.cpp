@@ -8,6 +8,7 @@
 #include <hwy/highway.h>
 
 #include "render/simd_math-inl.h"
+#include "render/ssim_window.h"
 #include "train/loss.h"
 
 #include <cmath>
@@ -16,7 +17,7 @@
 #define NACRE_LOSS_SHARED
 namespace nacre {
 
-constexpr int kTaps = 11, kRadius = kTaps / 2;
+constexpr int kRadius = kSsimRadius, kTaps = 2 * kRadius + 1;
 
 struct RowSums { double weighted = 0, squared = 0, masked = 0, maskedCount = 0; };
 
@@ -36,9 +37,8 @@ struct Taps {
     float w[kTaps];
     Taps()
     {
-        double sum = 0, k[kTaps];
-        for (int i = 0; i < kTaps; ++i) sum += k[i] = std::exp(-0.5 * (i - kRadius) * (i - kRadius) / (1.5 * 1.5));
-        for (int i = 0; i < kTaps; ++i) w[i] = float(k[i] / sum);
+        const auto window = ssimWindow();
+        for (size_t i = 0; i < window.size(); ++i) w[i] = float(window[i]);
     }
 };
 static const Taps kGaussian;
@@ -260,7 +260,7 @@ LossStats ImageLoss::evaluate(const float* planes, const PreparedImage* const* r
 // SSIM per plane: with blurred means m, n, second moments, the derivative with respect to each moment is blurred back to the pixels.
 void ImageLoss::addDssim(const PreparedImage* const* references, int imageCount, float lambda, float* dPlanes, double* loss)
 {
-    constexpr float c1 = 0.01f * 0.01f, c2 = 0.03f * 0.03f;
+    constexpr float c1 = float(kSsimC1), c2 = float(kSsimC2);
     const int width = references[0]->width, height = references[0]->height, channels = 3 * imageCount;
     const size_t pixels = size_t(width) * height;
     blurred_.resize(channels * pixels * 5), scratch_.resize(channels * pixels * 3);

@@ -87,7 +87,7 @@ Result<VisualHull> findHull(const Masks& masks, const OlatSplit& split, std::vec
 float objectSize(const VisualHull& hull)
 {
     float extent = 0;
-    for (const SurfacePoint& p : hull.surface)
+    for (const OrientedPoint& p : hull.surface)
         for (int k = 0; k < 3; ++k) extent = std::max(extent, std::abs(p.position[k] - hull.center[k]));
     return extent > 0 ? extent : hull.halfSize;
 }

@@ -17,7 +17,7 @@ struct Preparation {
     glm::vec3 center{0};              // of the object
     TrainerOptions trainer;
     AppearanceOptions appearance;
-    std::vector<SurfacePoint> points; // where the first splats lie,
+    std::vector<OrientedPoint> points; // where the first splats lie,
     float spacing = 0;                // so far apart,
     bool flat = false;                // and whether on a surface
     std::vector<std::string> warnings;

@@ -1,7 +1,7 @@
 #include "train/step_order.h"
 
 #include "appearance/trainable.h"
-#include "splat/random.h"
+#include "base/random.h"
 
 #include <numeric>
 

@@ -1,7 +1,7 @@
 #include "train/trainer.h"
 
+#include "base/random.h"
 #include "splat/morton.h"
-#include "splat/random.h"
 
 #include <algorithm>
 #include <bit>
@@ -69,7 +69,7 @@ Trainer::Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppeara
 {
 }
 
-void Trainer::initialize(std::span<const SurfacePoint> points, float spacing, bool flat, float opacity)
+void Trainer::initialize(std::span<const OrientedPoint> points, float spacing, bool flat, float opacity)
 {
     geometry_.resize(points.size());
     for (size_t i = 0; i < points.size(); ++i) {

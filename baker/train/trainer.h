@@ -28,7 +28,7 @@ public:
     Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppearance> appearance);
 
     /// Splats at the points, `spacing` apart: discs across the normals, or balls if not `flat`.
-    void initialize(std::span<const SurfacePoint> points, float spacing, bool flat, float opacity = 0.5f);
+    void initialize(std::span<const OrientedPoint> points, float spacing, bool flat, float opacity = 0.5f);
 
     /// Where a step stands in the bake.
     struct Moment {

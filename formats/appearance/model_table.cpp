@@ -1,6 +1,8 @@
 // The table of appearance models, and the border check every asset passes when it is read, written or handed to a renderer.
 #include "appearance/model_table.h"
 
+#include "base/finite.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -25,14 +27,6 @@ std::string sizesText(const ChannelSpec& spec)
 
 Error bad(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
 std::string atSplat(size_t i) { return " (splat " + std::to_string(i) + ")"; }
-
-bool allFinite(const float* values, size_t n)
-{
-    // A product with 0 is NaN for NaN and infinity: one branch-free sum instead of a test per value.
-    float sum = 0;
-    for (size_t i = 0; i < n; ++i) sum += values[i] * 0.0f;
-    return sum == 0.0f;
-}
 
 bool finite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 

@@ -1,4 +1,5 @@
-// What the network and the visibility map say of one splat under a group of LANES lights (sss_network.h).
+// Lights one splat with LANES lights at once: how much of each arrives (visibility map, network), and what the network scatters of it
+// (sss_network.h). Both ways of running the light pass include this: sss_light.frag.glsl and, from OpenGL 4.3 on, sss_light.comp.glsl.
 uniform sampler2D uGeometry;  // slot 0: mean, opacity
 uniform sampler2D uLights;    // row 0: see sampleLight; row 1: intensity
 uniform vec3 uCameraAsset;
@@ -10,7 +11,7 @@ uniform int uLightCount;
 uniform sampler2DArray uVisibility;
 #endif
 
-// lit, for each light: scattered light per unit of subsurfaceness (residual * falloff * intensity), incident share (visibility * share).
+// lit[l].rgb: scattered light per unit of subsurfaceness (residual * falloff * intensity); lit[l].a: share that arrives (visibility * share).
 void lightSplat(ivec2 splat, int group, out vec4 lit[LANES])
 {
     vec3 mean = texelFetch(uGeometry, splat, 0).xyz;
@@ -18,7 +19,7 @@ void lightSplat(ivec2 splat, int group, out vec4 lit[LANES])
     vec4 x0[LANES], x1[LANES];
     vec3 arriving[LANES];
     for (int l = 0; l < LANES; ++l) {
-        int t = min(LANES * group + l, uLightCount - 1); // the last group may repeat a light, which nobody reads
+        int t = min(LANES * group + l, uLightCount - 1); // the last group may be larger than the lights left: it repeats one, which nobody reads
         vec4 light = texelFetch(uLights, ivec2(t, 0), 0);
         vec4 s = sampleLight(light, mean, uWorldScale2);
         float visible = 1.0;

@@ -1,5 +1,6 @@
 // Turns the host's matrices into what the passes need, and rejects what the runtime cannot draw.
 #include "asset.h"
+#include "base/finite.h"
 
 #include <glm/gtc/type_ptr.hpp>
 
@@ -8,13 +9,6 @@
 #include <limits>
 
 namespace nacre {
-
-static bool allFinite(const float* m)
-{
-    float sum = 0;
-    for (int i = 0; i < 16; ++i) sum += m[i] * 0.0f; // NaN for NaN and infinity
-    return sum == 0.0f;
-}
 
 // Hosts compose, drift and invert matrices in float, so nothing is tested for an exact value. A deliberate stretch, shear or perspective
 // is larger than these.
@@ -93,7 +87,7 @@ Failure makeFrame(const NacreDrawDesc& desc, const ClipControl& clip, DrawFrame*
     const struct { const char* name; const float* m; } matrices[] = {
         {"worldFromAsset", desc.worldFromAsset}, {"viewFromWorld", desc.viewFromWorld}, {"clipFromView", desc.clipFromView}};
     for (const auto& [name, m] : matrices)
-        if (!allFinite(m)) return invalid(std::string(name) + " has a value that is not finite");
+        if (!allFinite(m, 16)) return invalid(std::string(name) + " has a value that is not finite");
 
     glm::dmat4 worldFromAsset(glm::make_mat4(desc.worldFromAsset)), viewFromWorld(glm::make_mat4(desc.viewFromWorld));
     const glm::dmat4 clipFromView(glm::make_mat4(desc.clipFromView));

@@ -39,10 +39,12 @@ constexpr int kSurfaceLayers = 5;                    // the fifth has room for t
 constexpr int kFirstLights = 2 + 3 * (kMostLayers - kSurfaceLayers), kFurtherLights = 3 * kMostLayers;
 constexpr int kWeightsWidth = 1024;
 
-constexpr int kMostLanes = 4;                        // lights that a fragment of the light pass takes, weights fetched once
+// The light pass takes lights in groups, so that each weight is fetched once for all lights of a group: as few groups as kMostLanes allow,
+// and all of one size, as small as so many groups can be.
+constexpr int kMostLanes = 4;
 constexpr int kWorkgroup = 64;                       // splats of the compute shader
 int groupsOf(int lights) { return std::max(1, (lights + kMostLanes - 1) / kMostLanes); }
-int lanesOf(int lights) { return std::max(1, (lights + groupsOf(lights) - 1) / groupsOf(lights)); } // as few as that many groups need
+int lanesOf(int lights) { return std::max(1, (lights + groupsOf(lights) - 1) / groupsOf(lights)); }
 
 int layersFor(int lights) { return kSurfaceLayers + (std::max(lights - 2, 0) + 2) / 3; }
 int furtherLayersFor(int lights) { return (lights + 2) / 3; }

@@ -7,8 +7,8 @@
 #include "appearance/bigs/bigs.h"
 #include "appearance/sss/sss_asset.h"
 #include "asset/asset_io.h"
+#include "base/random.h"
 #include "eval/splat_renderer.h"
-#include "splat/random.h"
 
 #include <glm/gtc/matrix_transform.hpp>
 

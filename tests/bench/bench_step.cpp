@@ -37,7 +37,7 @@ HWY_AFTER_NAMESPACE();
 #include "appearance/bigs/bigs_training.h"
 #include "appearance/sss/sss.h"
 #include "appearance/sss/sss_network.h"
-#include "splat/random.h"
+#include "base/random.h"
 #include "train/trainer.h"
 
 #include <tbb/info.h>
@@ -108,7 +108,7 @@ int main(int argc, char** argv)
     const int size = argument(2, 256), functions = argument(3, 25), steps = argument(4, 60);
 
     // A unit-sized sphere of flat splats: about a quarter of the pixels covered, as in the OLAT sets.
-    std::vector<SurfacePoint> points(splats);
+    std::vector<OrientedPoint> points(splats);
     for (size_t i = 0; i < splats; ++i) {
         const float z = 1 - 2 * (float(i) + 0.5f) / float(splats), phi = 2.39996f * float(i), r = std::sqrt(1 - z * z);
         points[i] = {{0.75f * r * std::cos(phi), 0.75f * r * std::sin(phi), 0.75f * z},

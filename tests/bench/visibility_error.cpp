@@ -7,9 +7,9 @@
 #include "appearance/visibility_map.h"
 #include "asset/asset_io.h"
 #include "base/fibonacci_sphere.h"
+#include "base/random.h"
 #include "render/visibility_embree.h"
 #include "splat/light_visibility.h"
-#include "splat/random.h"
 #include "splat/splat_normals.h"
 
 #include <tbb/global_control.h>

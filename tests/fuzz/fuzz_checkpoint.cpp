@@ -12,7 +12,7 @@ static nacre::Trainer makeTrainer(const char* model)
     nacre::TrainerOptions options;
     options.maxSplats = 40;
     nacre::Trainer trainer(options, nacre::makeTrainableAppearance(model, {4}));
-    std::vector<nacre::SurfacePoint> points(20);
+    std::vector<nacre::OrientedPoint> points(20);
     for (size_t i = 0; i < points.size(); ++i) points[i] = {{0.01f * float(i), 0, 0}, {0, 0, 1}};
     trainer.initialize(points, 0.01f, true);
     return trainer;

@@ -2,9 +2,9 @@
 #include "render/visibility_embree.h"
 
 #include "base/fibonacci_sphere.h"
+#include "base/random.h"
 #include "base/spherical_harmonics.h"
 #include "splat/light_visibility.h"
-#include "splat/random.h"
 #include "splats/blend.h"
 
 #include <doctest/doctest.h>

@@ -1,5 +1,5 @@
+#include "base/random.h"
 #include "light_stage/hair_bsdf.h"
-#include "splat/random.h"
 
 #include <doctest/doctest.h>
 

@@ -1,6 +1,6 @@
 // The SIMD step of the geometry against its scalar reference, and what must not show in its result.
+#include "base/random.h"
 #include "splat/geometry.h"
-#include "splat/random.h"
 
 #include <doctest/doctest.h>
 #include <tbb/global_control.h>

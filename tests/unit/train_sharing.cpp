@@ -1,6 +1,6 @@
 // Sharing T_ind's dependence on the light between neighbours: what it must keep, what it must remove.
 #include "appearance/bigs/indirect_sharing.h"
-#include "splat/random.h"
+#include "base/random.h"
 #include "splat/splat_normals.h"
 
 #include <doctest/doctest.h>

@@ -1,12 +1,12 @@
 // Initialisation and density: visual hull, sampling, Morton order, splitting, pruning, checkpoints.
+#include "appearance/model_table.h"
+#include "appearance/sss/sss_network.h"
+#include "base/random.h"
 #include "splat/morton.h"
-#include "splat/random.h"
 #include "splat/visual_hull.h"
 #include "train/checkpoint.h"
 #include "train/cluster_choice.h"
 #include "train/trainer.h"
-#include "appearance/model_table.h"
-#include "appearance/sss/sss_network.h"
 
 #include <doctest/doctest.h>
 
@@ -117,7 +117,7 @@ TEST_CASE("the visual hull of a sphere's silhouettes is the sphere")
     const float voxel = 2 * hull.halfSize / 48;
     CHECK(std::abs(hull.center[0]) + std::abs(hull.center[1]) + std::abs(hull.center[2]) < 1e-4);
     REQUIRE(hull.surface.size() > 300);
-    for (const SurfacePoint& p : hull.surface) {
+    for (const OrientedPoint& p : hull.surface) {
         const float r = std::sqrt(detail::dot3(p.position, p.position));
         CHECK(r > 0.5f - 1.5f * voxel);
         CHECK(r < 0.5f + 2.5f * voxel); // a hull from few views bulges
@@ -131,7 +131,7 @@ TEST_CASE("no silhouette gives no hull, and points fall back to the framed cube"
     for (auto& a : views.masks) std::fill(a.begin(), a.end(), uint8_t(0));
     const VisualHull hull = carveVisualHull(views.cameras, views.masks, 24);
     CHECK(hull.surface.empty());
-    for (const SurfacePoint& p : sampleHull(hull, 100, 1))
+    for (const OrientedPoint& p : sampleHull(hull, 100, 1))
         for (int k = 0; k < 3; ++k) CHECK(std::abs(p.position[k] - hull.center[k]) <= hull.halfSize);
 }
 
@@ -327,9 +327,9 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
 static void numericsThatBite(const std::string& model)
 {
     const Views views = sphereViews(48);
-    std::vector<SurfacePoint> points(64);
+    std::vector<OrientedPoint> points(64);
     Random random(9);
-    for (SurfacePoint& p : points)
+    for (OrientedPoint& p : points)
         for (int k = 0; k < 3; ++k) p.position[k] = 0.5f * (2 * random.uniform() - 1), p.normal[k] = k == 2;
     float spacing = 0.1f;
     Light light = lamp();
@@ -344,7 +344,7 @@ static void numericsThatBite(const std::string& model)
     {
         camera.worldFromCamera[3] = glm::dvec4(points[0].position[0], points[0].position[1], points[0].position[2], 1);
     }
-    SUBCASE("all splats at one place") { for (SurfacePoint& p : points) p = points[0]; }
+    SUBCASE("all splats at one place") { for (OrientedPoint& p : points) p = points[0]; }
 
     TrainerOptions options;
     options.maxSplats = 96;

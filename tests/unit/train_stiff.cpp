@@ -236,7 +236,7 @@ static void oneLargeSplat(const std::string& model)
     SphereData data;
     data.write();
     const OlatSplit& split = data.dataset.splits[0];
-    std::vector<SurfacePoint> points;
+    std::vector<OrientedPoint> points;
     for (int k = 0; k < 50; ++k) {
         const glm::vec3 n(fibonacciDirection(k, 50)), p = kRadius * n;
         points.push_back({{p.x, p.y, p.z}, {n.x, n.y, n.z}});

@@ -1,8 +1,8 @@
 // What follows from the splats' geometry: who shades whom, and the surface's normals.
 #include "appearance/bigs/bigs.h"
 #include "base/fibonacci_sphere.h"
+#include "base/random.h"
 #include "splat/light_visibility.h"
-#include "splat/random.h"
 #include "splat/splat_normals.h"
 
 #include <doctest/doctest.h>

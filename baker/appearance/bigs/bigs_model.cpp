@@ -54,7 +54,7 @@ constexpr double kScatterJudgedAt = 0.2, kScatterWorth = 0.5, kSharpJudgedAt = 0
 // 29.71 dB with; without it the error rises again from the middle of a long bake.)
 constexpr double kShareFrom = 0.1;
 constexpr int kShareEvery = 16;
-constexpr float kSharePull = 0.032f;
+constexpr float kShareRate = 0.032f;
 constexpr float kInitialSharpness = 15, kInitialRho = 0.3f, kInitialLobeColor = 0.05f;
 // A darker object starts darker: else its splats fade before their colour has become dark, and do not come back.
 constexpr float kUsualBrightness = 0.4f, kLeastStart = 0.02f;
@@ -254,7 +254,7 @@ private:
     void shareIndirectLight(std::span<const GaussianGeometry<float>> geometry)
     {
         if (neighbours_.empty()) neighbours_ = splatNeighbours(geometry, surfaceNormals(geometry));
-        shareIndirect(parameters_, neighbours_, bands_.indirect, kSharePull, shareScratch_);
+        shareIndirect(parameters_, neighbours_, bands_.indirect, kShareRate, shareScratch_);
     }
 
     void stepSharedLobe()

@@ -303,7 +303,7 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
         for (int k = 0; k < kN; ++k) {
             const size_t v = in.visible[lane + k];
             if (v == ~0u) continue;
-            for (int c = 0; c < 3 * view.lightCount; ++c) colors[v * 16 + c] = lanes[c][k];
+            for (int c = 0; c < 3 * view.lightCount; ++c) colors[v * kColorStride + c] = lanes[c][k];
         }
     }
 }
@@ -367,7 +367,7 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         float* second = parameters.secondMoment.data() + block * kBigsGroups * kLanes16 + lane;
         for (int k = 0; k < kN; ++k) // all stores before the first load: a vector read of what was just written in parts would wait
             for (int c = 0; c < 3 * view.lightCount; ++c)
-                gathered[c][k] = in.visible[lane + k] != ~0u ? dColors[size_t(in.visible[lane + k]) * 16 + c] : 0.0f;
+                gathered[c][k] = in.visible[lane + k] != ~0u ? dColors[size_t(in.visible[lane + k]) * kColorStride + c] : 0.0f;
         const auto term = [&](int l, int i) {
             return hn::Load(d, terms + (block * kBigsTermStride + size_t(kTermsPerLight) * l + i) * kLanes16 + lane);
         };

@@ -10,6 +10,7 @@
 #include "appearance/bigs/bigs.h"
 #include "appearance/trainable.h"
 #include "render/aligned_vector.h"
+#include "render/channel_stride.h"
 
 #include <cstdint>
 #include <span>
@@ -18,6 +19,7 @@
 namespace nacre {
 
 constexpr int kLanes16 = 16;
+constexpr size_t kColorStride = channelStride(3 * kMaxLightsPerStep); // floats per visible splat of colours and their gradients
 
 constexpr int kTDir = 0, kTInd = 25, kRho = 100, kLobe = 103, kShadow = 110, kScatter = 111; // first coefficient of each channel
 constexpr int kLobeSharpness = kLobe + 3, kLobeColor = kLobe + 4;
@@ -73,12 +75,12 @@ struct BigsLobeGradients {
     std::vector<uint8_t> active;
 };
 
-/// Colours (radiance) of the visible splats: colors[visible][16], three per light. Keeps the unclamped terms
+/// Colours (radiance) of the visible splats: colors[visible][kColorStride], three per light. Keeps the unclamped terms
 /// [block][kBigsTermStride][16] (64-byte aligned) for the backward pass.
 void bigsForward(const BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
                  const BigsRandomLight& random, float* colors, float* terms);
 
-/// One Adam step of every visible splat with active[visible] != 0 from dColors[visible][16], after bigsForward of the same arguments.
+/// One Adam step of every visible splat with active[visible] != 0 from dColors[visible][kColorStride], after bigsForward of the same arguments.
 /// With bands.lobe, overwrites `lobe`.
 void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
                          const BigsRandomLight& random, const uint8_t* active, const float* dColors, const float* terms,

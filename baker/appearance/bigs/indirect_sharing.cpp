@@ -10,7 +10,7 @@
 
 namespace nacre {
 
-void shareIndirect(BigsParameters& parameters, std::span<const uint32_t> neighbours, int functions, float pull, std::vector<float>& scratch)
+void shareIndirect(BigsParameters& parameters, std::span<const uint32_t> neighbours, int functions, float rate, std::vector<float>& scratch)
 {
     constexpr size_t kRow = 80; // 75 and what makes rows start on a cache line
     const size_t n = parameters.count, numbers = size_t(3 * functions);
@@ -38,7 +38,7 @@ void shareIndirect(BigsParameters& parameters, std::span<const uint32_t> neighbo
                 if (!(own[c] > 0) || !(sum[c] > 1e-12f)) continue;
                 for (size_t k = 1; k < size_t(functions); ++k) {
                     const float ratio = std::clamp(sum[3 * k + c] / sum[c], -bound[k], bound[k]);
-                    value[(3 * k + c) * kLanes16] += pull * (own[c] * ratio - own[3 * k + c]);
+                    value[(3 * k + c) * kLanes16] += rate * (own[c] * ratio - own[3 * k + c]);
                 }
             }
         }

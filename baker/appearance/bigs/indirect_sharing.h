@@ -10,9 +10,9 @@
 namespace nacre {
 
 /// Draws the bands of degree 1 and up of each splat's T_ind towards those of its neighbours, in proportion to band 0, per channel:
-///   t_k <- t_k + pull (t_0 r_k - t_k),   r_k = sum of the neighbours' t_k / sum of their t_0, within the bound of a non-negative function.
+///   t_k <- t_k + rate (t_0 r_k - t_k),   r_k = sum of the neighbours' t_k / sum of their t_0, within the bound of a non-negative function.
 /// Band 0, how bright and of what colour a splat is in the mean, stays: textures are not blurred. neighbours: splatNeighbours.
 /// `functions`: bands in use, 1 to 25. A splat whose band 0 is not positive, or whose neighbours' is not, stays as it is.
-void shareIndirect(BigsParameters& parameters, std::span<const uint32_t> neighbours, int functions, float pull, std::vector<float>& scratch);
+void shareIndirect(BigsParameters& parameters, std::span<const uint32_t> neighbours, int functions, float rate, std::vector<float>& scratch);
 
 } // namespace nacre

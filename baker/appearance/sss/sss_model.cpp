@@ -5,10 +5,10 @@
 #include "appearance/sss/sss_asset.h"
 #include "appearance/sss/sss_network_simd.h"
 #include "appearance/sss/sss_resolve.h"
-#include "render/raster.h"
+#include "base/random.h"
+#include "render/channel_stride.h"
 #include "splat/geometry.h"
 #include "splat/light_visibility.h"
-#include "splat/random.h"
 #include "splat/splat_normals.h"
 
 #include <tbb/parallel_for.h>
@@ -37,17 +37,18 @@ constexpr double kNormalsUntil = 0.2;
 // When optional parts are judged, and what they have to be worth, in dB. A residual that only takes over errors of the surface
 // terms is worth 0.3 to 0.7 dB to objects that do not scatter, a real one 4 to 6.
 constexpr double kPartsJudgedAt = 0.3, kResidualWorth = 1.0, kShareWorth = 0.0, kVisibilityWorth = 0.1;
-// A highlight that is narrower than the lobe hardly pulls at it: it covers few pixels, and the light that leaves the rest of the lobe is missing
-// there. A lobe that is too narrow is wrong at once and widens. So bakes find out whether surfaces do better from a roughness of 0.2 than as
-// dull as they have become, once their normals are known.
-constexpr double kDullnessWorth = 0.1;
-constexpr float kShiny = -1.386f; // through the logistic function 0.2
+// A highlight that is narrower than the lobe hardly narrows it: it covers few pixels, and the light that leaves the rest of the lobe is missing
+// there. A lobe that is too narrow is wrong at once and widens. So once the normals are known, bakes try whether roughness that starts again
+// from 0.2 serves a surface better than what it has learnt until then.
+constexpr const char* kLearntRoughness = "learnt-roughness"; // the optional part
+constexpr double kLearntRoughnessWorth = 0.1;
+constexpr float kRestartRoughness = -1.386f; // through the logistic function 0.2
 // Base colour, share and 1 - metalness and 1 - subsurfaceness multiply, so an image tells only their product. Per splat and unit,
-// these pull to a share of 1, and to no metal and no scattering, what the images leave open. (A stone of roughness 0.35 and base
-// colour 0.6, 0.25, 0.15 without scattering, 2000 steps: base colour off by 0.061 without pulls, 0.035 with; test 39.03 and 39.56
-// dB, masked.) Without residual, share and metal have little left to explain and are pulled kBarePull times as hard. (The same
+// these regularisers decide what the images leave open: a share of 1, no metal, no scattering. (A stone of roughness 0.35 and base
+// colour 0.6, 0.25, 0.15 without scattering, 2000 steps: base colour off by 0.061 without regularisers, 0.035 with; test 39.03 and
+// 39.56 dB, masked.) Without residual, share and metal have little left to explain: their regularisers weigh kBareWeight times as much. (The same
 // stone: base colour off by 0.011.)
-constexpr float kMetalPull = 1e-2f, kScatterPull = 1e-2f, kSharePull = 1e-1f, kBarePull = 10;
+constexpr float kMetalWeight = 1e-2f, kScatterWeight = 1e-2f, kShareWeight = 1e-1f, kBareWeight = 10;
 constexpr size_t kRanges = 64; // of blocks: each sums its own gradient of the network, so threads cannot show
 
 float logistic(float x) { return 1.0f / (1.0f + std::exp(-x)); }
@@ -170,7 +171,7 @@ public:
         const bool network = residualOn_ || weights_.share;
         if (network) dWeights_.assign(kRanges * kSssWeights, 0.0f);
         const AdamRate adam{rate_, correction1_, correction2_};
-        const float sharePull = pull(kSharePull) / float(count() * size_t(lit.lightCount));
+        const float shareWeight = regulariser(kShareWeight) / float(count() * size_t(lit.lightCount));
         forEachBatch(view, [&](size_t range, size_t first, int lanes) {
             Batch& batch = batches_[first / kSssLanes];
             bool any = false;
@@ -188,7 +189,7 @@ public:
                         dChannels + view.visibleFromSplat[splat] * stride + kSssSurfaceChannels + kSssLightChannels * l;
                     if (weights_.share)
                         batch.network.dShare[row] = d[kSssIncident] * batch.network.light[row][kSssVisibilityInput] +
-                                                    sharePull * (batch.network.share[row] - 1);
+                                                    shareWeight * (batch.network.share[row] - 1);
                     for (int c = 0; c < 3 && residualOn_; ++c) {
                         const float perResidual = d[kSssScattered + c] * batch.falloff[row] * lit.lights[l].intensity[c];
                         batch.network.dResidual[row][c] = perResidual * scatter;
@@ -213,13 +214,14 @@ public:
         if (residualOn_) parts.push_back({"residual", kPartsJudgedAt, kResidualWorth});
         if (weights_.share) parts.push_back({"share", kPartsJudgedAt, kShareWorth});
         if (!visibility_.empty()) parts.push_back({"visibility", kPartsJudgedAt, kVisibilityWorth});
-        if (dull_) parts.push_back({"dullness", kPartsJudgedAt, kDullnessWorth, true});
+        if (roughnessMayRestart_) parts.push_back({kLearntRoughness, kPartsJudgedAt, kLearntRoughnessWorth, true});
         return parts;
     }
 
     void leaveOut(const std::string& part, std::span<const uint8_t> kept) override
     {
-        if (part == "dullness") startShiny(kept);
+        if (part == kLearntRoughness) restartRoughness(kept);
+        if (part == "roughness-restart") roughnessMayRestart_ = false;
         if (part == "residual") residualOn_ = false;
         if (part == "share") weights_.share = false;
         if (part == "visibility") visibilityOn_ = false, visibility_.clear();
@@ -247,7 +249,7 @@ public:
         out.array(row_), out.array(momentum_), out.array(second_), out.array(visibility_);
         out.array(weights_.value), out.array(networkMomentum_), out.array(networkSecond_);
         out.array(std::vector<float>(frame_, frame_ + 4));
-        out.value(int32_t(renewed_)), out.value(uint8_t(residualOn_ | weights_.share << 1 | visibilityOn_ << 2 | dull_ << 3));
+        out.value(int32_t(renewed_)), out.value(uint8_t(residualOn_ | weights_.share << 1 | visibilityOn_ << 2 | roughnessMayRestart_ << 3));
     }
 
     bool load(ByteReader& in) override
@@ -258,7 +260,7 @@ public:
         in.array(frame);
         renewed_ = in.value<int32_t>();
         const uint8_t parts = in.value<uint8_t>();
-        residualOn_ = parts & 1, weights_.share = parts & 2, visibilityOn_ = parts & 4, dull_ = parts & 8;
+        residualOn_ = parts & 1, weights_.share = parts & 2, visibilityOn_ = parts & 4, roughnessMayRestart_ = parts & 8;
         const size_t n = row_.size();
         if (in.failed || momentum_.size() != n || second_.size() != n ||
             (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) || weights_.value.size() != kSssWeights ||
@@ -271,13 +273,13 @@ public:
     }
 
 private:
-    // All splats, or those not kept.
-    void startShiny(std::span<const uint8_t> kept)
+    // Of all splats, or of those not kept.
+    void restartRoughness(std::span<const uint8_t> kept)
     {
         for (size_t i = 0; i < row_.size(); ++i)
-            if (kept.empty() || !kept[i]) row_[i][kRough] = std::min(row_[i][kRough], kShiny), momentum_[i][kRough] = 0;
-        start_[kRough] = kShiny;
-        dull_ = false;
+            if (kept.empty() || !kept[i]) row_[i][kRough] = std::min(row_[i][kRough], kRestartRoughness), momentum_[i][kRough] = 0;
+        start_[kRough] = kRestartRoughness;
+        roughnessMayRestart_ = false;
     }
 
     static bool isActive(const VisibleView& view, const uint8_t* active, size_t splat)
@@ -340,7 +342,7 @@ private:
         for (int k = 0; k < 3; ++k) n[k] = raw[k] / length;
     }
 
-    float pull(float whole) const { return residualOn_ ? whole : kBarePull * whole; }
+    float regulariser(float weight) const { return residualOn_ ? weight : kBareWeight * weight; }
     float subsurface(size_t splat) const { return residualOn_ ? logistic(row_[splat][kScatter]) : 0.0f; }
 
     // The network's logistic function of the share has a factor of its own: with the share off it is told to answer 1.
@@ -387,9 +389,9 @@ private:
         };
         for (int c = 0; c < 3; ++c) gradient[kBase + c] = d[kSssBase + c] * through(r[size_t(kBase + c)]);
         gradient[kRough] = d[kSssRoughness] * through(r[kRough]),
-        gradient[kMetal] = (d[kSssMetalness] + pull(kMetalPull) / float(count())) * through(r[kMetal]);
+        gradient[kMetal] = (d[kSssMetalness] + regulariser(kMetalWeight) / float(count())) * through(r[kMetal]);
         gradient[kScatter] =
-            residualOn_ ? (d[kSssSubsurface] + dScatter + kScatterPull / float(count())) * through(r[kScatter]) : 0.0f;
+            residualOn_ ? (d[kSssSubsurface] + dScatter + kScatterWeight / float(count())) * through(r[kScatter]) : 0.0f;
         unitNormal(splat, normal);
         for (int k = 0; k < 3; ++k) along += d[kSssNormal + k] * normal[k];
         for (int k = 0; k < 3; ++k) gradient[kNormal + k] = d[kSssNormal + k] - along * normal[k];
@@ -449,7 +451,7 @@ private:
     float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
     Row start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
     bool residualOn_ = true, visibilityOn_ = true;
-    bool dull_ = true;                  // roughness has not been started again
+    bool roughnessMayRestart_ = true;   // it has not yet
     bool nearness_;                     // the network is told how near a light is
     SssWeights weights_;
     std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;

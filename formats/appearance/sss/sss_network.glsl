@@ -1,11 +1,11 @@
 // GLSL twin of sssNetworkLight (appearance/sss/sss_network.h), for LANES lights at once: a weight is fetched once for all of them. Features go
 // four to a vec4; weight texel (first + rows * j + i) holds what four outputs 4j..4j+3 take from input i (packNetwork in
 // runtime/src/sss_gpu.cpp), and a row of biases comes before them.
-// H1 to HS: sizes of the layers; AT_*: where each layer begins. Without HAS_SHARE, for weights of 0 there, the share is 1.
-// COMPUTE: a workgroup of GROUP invocations reads them from shared memory, which fetchWeights fills.
+// H1 to HS: sizes of the layers; AT_*: where each layer begins. Without HAS_SHARE (its weights are all 0) the share is 1.
+// COMPUTE: a workgroup of GROUP invocations reads the weights from shared memory, which fetchWeights fills.
 uniform sampler2D uWeights;
 uniform sampler2D uFirst; // slot j: outputs 4j..4j+3 of the first layer before light and view
-uniform int uOneLoop; // 1, but the compiler does not know: loops times that are not unrolled. All in one block of code, software rasterisers compile for minutes
+uniform int uOneLoop; // Always 1. Loop counts are multiplied by it so that compilers cannot unroll: unrolled, software rasterisers compile for minutes.
 
 vec4 weightTexel(int texel) { return texelFetch(uWeights, ivec2(texel & 1023, texel >> 10), 0); }
 #if COMPUTE
