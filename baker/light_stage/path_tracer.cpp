@@ -158,12 +158,12 @@ void makeFiberVertex(const PathTracer::State& state, const RayHit& hit, const gl
 
 struct Counters {
     uint64_t pathRays = 0, shadowRays = 0, walkRays = 0, walks = 0, leaked = 0, cut = 0;
-    uint64_t cameraHits = 0, backFaces = 0; // camera rays that met something; that passed a back face before that or before nothing
+    uint64_t cameraHits = 0, backFaces = 0, holes = 0; // camera rays that met something; that passed a back face first; that then met nothing
     void add(const Counters& c)
     {
         pathRays += c.pathRays, shadowRays += c.shadowRays, walkRays += c.walkRays;
         walks += c.walks, leaked += c.leaked, cut += c.cut;
-        cameraHits += c.cameraHits, backFaces += c.backFaces;
+        cameraHits += c.cameraHits, backFaces += c.backFaces, holes += c.holes;
     }
 };
 
@@ -274,6 +274,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
         DistanceSampler distances(body ? body->medium : Medium{}, lane.throughput);
         if (scattering) event = distances.sample(body->medium, lane.rng);
         const float nearDistance = std::min(lane.nearDistance, event);
+        const bool firstMet = !lane.entered && clear == 0; // of the camera's ray
         const RayHit hit = lane.entered ? meetAny(lane, nearDistance, event) : state_.rays->intersectFront(lane.origin, lane.direction, nearDistance, event);
         lane.nearDistance = 0.0f;
         ++counters.pathRays;
@@ -312,7 +313,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
             continue;
         }
         if (!hit.found()) { // escaped
-            if (!lane.entered && hit.backFace < kInfinity) ++counters.backFaces;
+            if (firstMet && hit.backFace < kInfinity) ++counters.backFaces, ++counters.holes;
             if (lane.entered)
                 for (const LightSet::Map& map : lights_.maps) {
                     float weight = 1.0f;
@@ -323,7 +324,7 @@ void PassTracer::advance(Lane& lane, float* radiance)
             lane.alive = false;
             return;
         }
-        if (!lane.entered && hit.backFace < hit.distance - state_.sheetAt(hit.distance)) ++counters.backFaces;
+        if (firstMet && hit.backFace < hit.distance - state_.sheetAt(hit.distance)) ++counters.backFaces;
         if (body) lane.throughput *= scattering ? distances.weightToSurface(body->medium, hit.distance) : glm::exp(-body->medium.sigmaT * hit.distance);
 
         Vertex& v = lane.vertex;
@@ -714,7 +715,8 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
         stats->samplesPerPixel = done * kLanes;
         stats->noise = std::move(noise);
         stats->pathRays = all.pathRays, stats->shadowRays = all.shadowRays, stats->walkRays = all.walkRays;
-        stats->backFaces = all.backFaces ? std::min(1.0, double(all.backFaces) / double(all.cameraHits + all.backFaces)) : 0.0;
+        stats->seesObject = all.cameraHits > 0;
+        stats->backFaces = all.backFaces ? double(all.backFaces) / double(all.cameraHits + all.holes) : 0.0;
         stats->leakedWalks = all.walks ? double(all.leaked) / double(all.walks) : 0.0;
         stats->cutWalks = all.walks ? double(all.cut) / double(all.walks) : 0.0;
         stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

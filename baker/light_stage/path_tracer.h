@@ -71,7 +71,8 @@ struct RenderStats {
                                    // luminance as shown, 1 at most: the inside of a highlight does not count
     double seconds = 0;
     uint64_t pathRays = 0, shadowRays = 0, walkRays = 0;
-    double backFaces = 0;          // share of the camera rays that meet the object, and passed a back face of a single-sided material
+    bool seesObject = true;        // something is in the picture
+    double backFaces = 0;          // share of the camera rays towards the object that pass a back face of a single-sided material first
     double leakedWalks = 0;        // share of random walks that left through a hole of an open surface
     double cutWalks = 0;           // share of random walks cut at the step limit
 };

@@ -231,6 +231,7 @@ Status Synthesis::renderGroup(const Group& group)
     settings.seed = fnv1a(&group.camera, sizeof group.camera, fnv1a(split.name.data(), split.name.size(), settings.seed ^ kFnvOffset));
     settings.stop = stop_;
     const size_t lightBytes = size_t(camera.width) * size_t(camera.height) * kFilmBytesPerPixel, chunk = std::max<size_t>(1, kChunkBytes / lightBytes);
+    bool seesObject = true;
     for (size_t first = 0; first < lights.size(); first += chunk) {
         const size_t count = std::min(chunk, lights.size() - first);
         settings.progress = [&](double f) { show(group, (double(first) + f * double(count)) / double(lights.size())); };
@@ -240,6 +241,7 @@ Status Synthesis::renderGroup(const Group& group)
         assert(images->size() == count && stats.noise.size() == count);
         report.seconds += stats.seconds;
         report.rays += stats.pathRays + stats.shadowRays + stats.walkRays;
+        seesObject = stats.seesObject;
         report.backFaces = std::max(report.backFaces, stats.backFaces);
         report.leakedWalks = std::max(report.leakedWalks, stats.leakedWalks);
         report.cutWalks = std::max(report.cutWalks, stats.cutWalks);
@@ -264,6 +266,7 @@ Status Synthesis::renderGroup(const Group& group)
         imagesDone_ += finished.size();
     }
     report.cameras++;
+    report.emptyCameras += !seesObject;
     costDone_ += costOf(group);
     show(group, 0.0);
     return ok();

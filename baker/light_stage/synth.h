@@ -48,6 +48,7 @@ struct SynthReport {
         double seconds = 0;             // rendering them
         double samplesPerPixel = 0, noise = 0; // means over the images written; noise as in RenderStats
         uint64_t rays = 0;
+        size_t emptyCameras = 0;               // that see nothing of the object
         double backFaces = 0;                  // RenderStats::backFaces, largest of any camera
         double leakedWalks = 0, cutWalks = 0;  // largest of any camera
         double clipped = 0;             // share of the object's pixels above 1, where the file format clips there (8-bit PNG)

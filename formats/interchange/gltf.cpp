@@ -184,6 +184,10 @@ private:
         dropUnusedVertices(mesh);
         if (mesh.triangles.empty()) return;
         zeroNormals_ += replaceZeroNormals(mesh);
+        constexpr double kBackward = 0.02; // of the triangles: at creases of low-poly meshes a few are
+        if (const size_t backward = countBackwardTriangles(mesh); double(backward) > kBackward * double(mesh.triangles.size()))
+            file_.warn(where + ": the normals of " + std::to_string(backward) + " of " + std::to_string(mesh.triangles.size()) +
+                       " triangles point behind them (counter-clockwise is the front): shaded flat there; turn the normals or the triangles round");
         if (std::any_of(mesh.tangents.begin(), mesh.tangents.end(), [](const glm::vec4& t) { return glm::vec3(t) == glm::vec3(0.0f); })) {
             file_.warn(where + " has tangents of length 0: they are made anew where they are needed");
             mesh.tangents.clear();

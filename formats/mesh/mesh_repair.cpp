@@ -59,6 +59,15 @@ size_t replaceZeroNormals(TriangleMesh& mesh)
     return replaced;
 }
 
+size_t countBackwardTriangles(const TriangleMesh& mesh)
+{
+    if (mesh.normals.empty()) return 0;
+    return size_t(std::count_if(mesh.triangles.begin(), mesh.triangles.end(), [&](const glm::uvec3& t) {
+        const glm::dvec3 n = crossOfEdges(mesh, t);
+        return glm::dot(n, glm::dvec3(mesh.normals[t.x])) < 0 && glm::dot(n, glm::dvec3(mesh.normals[t.y])) < 0 && glm::dot(n, glm::dvec3(mesh.normals[t.z])) < 0;
+    }));
+}
+
 void dropUnusedVertices(TriangleMesh& mesh)
 {
     constexpr uint32_t kUnused = ~0u;

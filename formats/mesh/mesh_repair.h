@@ -11,6 +11,9 @@ size_t dropZeroAreaTriangles(TriangleMesh& mesh);
 /// Gives zero normals the area-weighted mean direction of the triangles around, and tells how many. Needs triangles with area.
 size_t replaceZeroNormals(TriangleMesh& mesh);
 
+/// Triangles whose three normals point behind them: the normals or the winding are the wrong way round.
+size_t countBackwardTriangles(const TriangleMesh& mesh);
+
 /// Removes vertices that no triangle uses; the others keep their order.
 void dropUnusedVertices(TriangleMesh& mesh);
 

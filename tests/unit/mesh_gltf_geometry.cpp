@@ -270,6 +270,18 @@ TEST_CASE("normals that are not finite are left out with a warning, normals of l
     CHECK(warns(scene, "2 normals of length 0"));
 }
 
+TEST_CASE("normals that point behind their triangles are said")
+{
+    GltfBuilder b = quadBuilder();
+    CHECK(load(b.glb()).warnings.empty());
+    b.attributes()["NORMAL"] = b.floats(Vec3s(4, {0, 0, -1}));
+    CHECK(warns(load(b.glb()), "the normals of 2 of 2 triangles point behind them"));
+    b.primitive()["indices"] = b.indices(std::vector<uint16_t>{0, 2, 1, 0, 3, 2});
+    CHECK(load(b.glb()).warnings.empty());
+    b.root["nodes"][0]["scale"] = {1, -1, 1}; // mirrored as a whole
+    CHECK(load(b.glb()).warnings.empty());
+}
+
 TEST_CASE("an index or a length out of bounds is an error that says which")
 {
     GltfBuilder b = quadBuilder();

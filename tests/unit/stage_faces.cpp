@@ -70,6 +70,20 @@ TEST_CASE("a camera looks through the back of a single-sided sheet and is told; 
     const Image none = renderOrFail(sceneOf({plane(1.0f)}, {singleSided(kRed)}), below, lights, 16, &stats)[0];
     for (const float v : none.rgba) CHECK(v == 0.0f);
     CHECK(stats.backFaces == 1.0);
+    CHECK(!stats.seesObject);
+    // What is clear all through is not seen either, but not for its back.
+    StageScene clear = sceneOf({sphere(2)}, {singleSided(kRed)});
+    clear.mesh.materials[0].alphaMode = AlphaMode::kBlend;
+    clear.mesh.materials[0].baseColor.a = 0.0f;
+    renderOrFail(clear, below, lights, 16, &stats);
+    CHECK(stats.backFaces == 0.0);
+    CHECK(!stats.seesObject);
+    // Inside out, a closed body shows its far wall from within.
+    StageScene inside = sceneOf({sphere(2)}, {singleSided(kRed)});
+    turnRound(inside.mesh.meshes[0]);
+    renderOrFail(inside, below, lights, 16, &stats);
+    CHECK(stats.backFaces == 1.0);
+    CHECK(stats.seesObject);
 }
 
 TEST_CASE("a closed single-sided body looks like a double-sided one: its shadow, its light and its outline")
