@@ -76,10 +76,8 @@ struct Vertex {
     glm::vec3 originTowards(const glm::vec3& w, float offset) const
     {
         if (!onSurface()) return position;
-        const float side = glm::dot(w, ng);
-        if (surface.bsdf.bulges && glm::dot(w, surface.bsdf.frame.n) > 0.0f)
-            return position + ng * offset + surface.lift * glm::clamp(1.0f - side / kFullLight, 0.0f, 1.0f);
-        return position + ng * (side < 0.0f ? -offset : offset);
+        if (!(glm::dot(w, surface.bsdf.above) > 0.0f)) return position - ng * offset;
+        return position + ng * offset + surface.lift * glm::clamp(1.0f - glm::dot(w, ng) / kFullLight, 0.0f, 1.0f);
     }
     float reachFrom() const { return kind == VertexKind::kFiber ? nearDistance : 0.0f; }
     /// f |cos| towards wi.
@@ -117,7 +115,7 @@ glm::vec3 Vertex::evaluate(const glm::vec3& wi, const PathTracer::State& state) 
     if (kind == VertexKind::kSurface) return surface.bsdf.evaluate(wi);
     if (kind == VertexKind::kFiber) return hairEval(hair, fiberFrame.toLocal(wi));
     const float cosine = glm::dot(surface.bsdf.frame.n, wi);
-    if (!(cosine > 0.0f) || !(glm::dot(ng, wi) > 0.0f || surface.bsdf.bulges)) return glm::vec3(0.0f);
+    if (!(cosine > 0.0f) || !(glm::dot(surface.bsdf.above, wi) > 0.0f)) return glm::vec3(0.0f);
     return glm::vec3(kInvPi * cosine * walkExitFactor(surface.bsdf, cosine));
 }
 
@@ -219,8 +217,7 @@ private:
     struct alignas(32) Rows {
         float ox[kLanes], oy[kLanes], oz[kLanes];       // shadow ray origins
         float nx[kLanes], ny[kLanes], nz[kLanes];       // shading normals
-        float gx[kLanes], gy[kLanes], gz[kLanes];       // geometric normals
-        float leastSide[kLanes];                        // cosine to the geometric normal from which light comes
+        float gx[kLanes], gy[kLanes], gz[kLanes];       // SurfaceBsdf::above
         float r[kLanes], g[kLanes], b[kLanes];          // plain: throughput * albedo / pi
         bool plain[kLanes], lit[kLanes];
     } rows_;
@@ -426,14 +423,13 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
         rows_.r[i] = rows_.g[i] = rows_.b[i] = 0.0f;
         rows_.ox[i] = rows_.oy[i] = rows_.oz[i] = rows_.nx[i] = rows_.ny[i] = rows_.gx[i] = rows_.gy[i] = 0.0f;
         rows_.nz[i] = rows_.gz[i] = 1.0f;
-        rows_.leastSide[i] = 0.0f;
         if (!lane.alive) continue;
         const glm::vec3 o = v.onSurface() ? v.position + v.ng * state_.offset : v.position;
         rows_.ox[i] = o.x, rows_.oy[i] = o.y, rows_.oz[i] = o.z;
-        rows_.gx[i] = v.ng.x, rows_.gy[i] = v.ng.y, rows_.gz[i] = v.ng.z;
+        const glm::vec3& above = v.surface.bsdf.above;
+        rows_.gx[i] = above.x, rows_.gy[i] = above.y, rows_.gz[i] = above.z;
         const glm::vec3& n = v.surface.bsdf.frame.n;
         rows_.nx[i] = n.x, rows_.ny[i] = n.y, rows_.nz[i] = n.z;
-        if (v.surface.bsdf.bulges) rows_.leastSide[i] = -2.0f; // any
         if (!rows_.plain[i]) continue;
         const glm::vec3 w = v.throughput * v.surface.bsdf.diffuse * kInvPi;
         rows_.r[i] = w.x, rows_.g[i] = w.y, rows_.b[i] = w.z;
@@ -453,7 +449,7 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
             reach[i] = light.point ? r2 * inverse * 0.9999f : kInfinity;
             const float cosine = wx[i] * rows_.nx[i] + wy[i] * rows_.ny[i] + wz[i] * rows_.nz[i];
             const float side = wx[i] * rows_.gx[i] + wy[i] * rows_.gy[i] + wz[i] * rows_.gz[i];
-            strength[i] = (cosine > 0.0f && side > rows_.leastSide[i] ? cosine : 0.0f) * (light.point ? inverse * inverse : 1.0f);
+            strength[i] = (cosine > 0.0f && side > 0.0f ? cosine : 0.0f) * (light.point ? inverse * inverse : 1.0f);
         }
 
         for (int i = 0; i < kLanes; ++i) {
@@ -532,7 +528,7 @@ void PassTracer::scatter(Lane& lane)
     } else if (v.kind == VertexKind::kWalkExit) {
         const Frame& frame = v.surface.bsdf.frame;
         wi = frame.toWorld(sampleCosine(lane.sampler.get2(dimension)));
-        if (!(glm::dot(wi, v.ng) > 0.0f || v.surface.bsdf.bulges)) {
+        if (!(glm::dot(wi, v.surface.bsdf.above) > 0.0f)) {
             lane.alive = false;
             return;
         }
@@ -556,7 +552,7 @@ void PassTracer::scatter(Lane& lane)
         lane.throughput *= weight / (1.0f - walk);
         lane.pdf = pdf * (1.0f - walk);
         lane.origin = v.originTowards(wi, state_.offset);
-        if (glm::dot(wi, v.ng) < 0.0f && state_.surfaces->body(v.surface.material).boundary) enterMedium(lane, v.surface);
+        if (glm::dot(wi, v.surface.bsdf.above) < 0.0f && state_.surfaces->body(v.surface.material).boundary) enterMedium(lane, v.surface);
     }
     lane.direction = wi;
     if (lane.pdf < kNarrowDensity) lane.leastAlpha = indirectAlpha_;

@@ -237,9 +237,10 @@ SurfacePoint SurfaceTable::evaluate(const MeshScene& scene, const RayHit& hit, c
     s.opacity = opacityOf(m, color.a);
     SurfaceBsdf& b = s.bsdf;
     b.ng = side * s.geometricNormal;
+    b.above = b.ng;
     if (!mesh.normals.empty() && !body.boundary) { // through a boundary, rays keep to the triangles: they count who is inside
         s.lift = liftOf(corner, s.position, b.ng, side);
-        b.bulges = glm::dot(s.lift, b.ng) > 0.0f;
+        if (s.lift != glm::vec3(0.0f)) b.above = side * smooth;
     }
     b.baseColor = glm::vec3(color);
     const glm::vec4 mr = corner.texture(scene, m.metallicRoughnessTexture);

@@ -26,7 +26,7 @@ struct Body {
 /// One point of a surface, seen from `wo`.
 struct SurfacePoint {
     glm::vec3 position, geometricNormal; // unit, out of the closed side
-    glm::vec3 lift{0.0f};                // to the surface that the vertex normals describe, where that bulges (bsdf.bulges), else 0
+    glm::vec3 lift{0.0f};                // to the surface that the vertex normals describe, where that bulges, else 0
     int material = 0;
     bool fromInside = false;
     SurfaceBsdf bsdf;

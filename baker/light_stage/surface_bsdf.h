@@ -20,7 +20,7 @@ struct SurfaceBsdf {
     Frame frame;               // shading frame, n on the side of wo
     glm::vec3 ng{0, 0, 1};     // geometric normal, on the side of wo
     glm::vec3 wo{0, 0, 1};     // in the shading frame, z > 0
-    bool bulges = false;       // the surface that the normals describe lies above the triangle: light may come from just below the triangle's plane
+    glm::vec3 above{0, 0, 1};  // tells reflection from transmission: ng, or the interpolated normal where the surface it describes bulges over the triangle
     glm::vec3 baseColor{1.0f};
     glm::vec3 diffuse{0.0f};   // (1 - transmission) base colour; 0 if a random walk replaces it
     glm::vec3 f0{0.04f};
@@ -76,7 +76,7 @@ struct SurfaceBsdf {
     glm::vec3 evaluate(const glm::vec3& wiWorld) const
     {
         const glm::vec3 wi = frame.toLocal(wiWorld);
-        const bool reflected = glm::dot(wiWorld, ng) > 0.0f || (bulges && wi.z > 0.0f);
+        const bool reflected = glm::dot(wiWorld, above) > 0.0f;
         if (reflected != (wi.z > 0.0f)) return glm::vec3(0.0f); // the two normals disagree about the side: no light
         glm::vec3 f(0.0f);
         if (reflected) {
@@ -115,7 +115,7 @@ struct SurfaceBsdf {
     float pdf(const glm::vec3& wiWorld) const
     {
         const glm::vec3 wi = frame.toLocal(wiWorld);
-        const bool reflected = glm::dot(wiWorld, ng) > 0.0f || (bulges && wi.z > 0.0f);
+        const bool reflected = glm::dot(wiWorld, above) > 0.0f;
         if (reflected != (wi.z > 0.0f)) return 0.0f;
         if (reflected) {
             float p = chanceDiffuse * wi.z * kInvPi;
