@@ -308,7 +308,7 @@ static void warnAbout(const SynthReport& report)
 {
     for (const SynthReport::Split& s : report.splits) {
         if (s.emptyCameras > 0)
-            warn(format("split '%s': %zu of %zu cameras see nothing of the object: it is wholly transparent, smaller than a pixel or out of sight",
+            warn(format("split '%s': %zu of %zu cameras see nothing of the object: it is wholly transparent, seen from behind, smaller than a pixel or out of sight",
                         s.name.c_str(), s.emptyCameras, s.cameras));
         if (s.backFaces > kBackFaceWarning)
             warn(format("split '%s': in one picture, %.0f %% of the object shows what is behind back faces of single-sided materials, which glTF hides from "
