@@ -1,5 +1,5 @@
 // A unidirectional path tracer that renders one camera under many lights at once: every light is evaluated from the same path
-// vertices, so that an OLAT image costs little more than its shadow rays. See path_tracer.cpp for the method.
+// vertices, so that an OLAT image costs little more than its shadow rays. See pass_tracer.cpp for the method.
 #pragma once
 
 #include "base/camera.h"
@@ -99,7 +99,7 @@ public:
 
     const stage::RayScene& rays() const;
 
-    struct State; // path_tracer.cpp
+    struct State; // tracer_state.h
 private:
     std::unique_ptr<State> state_;
     explicit PathTracer(std::unique_ptr<State> state);
