@@ -2,9 +2,11 @@
 #include "appearance/model_table.h"
 
 #include "base/finite.h"
+#include "base/limits.h"
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace nacre {
 namespace {
@@ -28,7 +30,18 @@ std::string sizesText(const ChannelSpec& spec)
 Error bad(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
 std::string atSplat(size_t i) { return " (splat " + std::to_string(i) + ")"; }
 
-bool finite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+bool allWithin(const std::vector<float>& values, float most)
+{
+    bool good = true; // NaN compares false
+    for (const float v : values) good &= std::abs(v) <= most;
+    return good;
+}
+
+/// False for NaN.
+bool within(const glm::vec3& v, float low, float high)
+{
+    return v.x >= low && v.x <= high && v.y >= low && v.y <= high && v.z >= low && v.z <= high;
+}
 
 bool unit(const glm::quat& q)
 {
@@ -46,9 +59,9 @@ Status validateCloud(const SplatCloud& cloud)
                    std::to_string(cloud.scales.size()) + " scales, " + std::to_string(cloud.opacities.size()) + " opacities");
     for (size_t i = 0; i < n; ++i) {
         const glm::vec3& s = cloud.scales[i];
-        if (!finite(cloud.positions[i])) return bad("position is not finite" + atSplat(i));
+        if (!within(cloud.positions[i], -kLargestNumber, kLargestNumber)) return bad("position is not finite or beyond 1e15" + atSplat(i));
         if (!unit(cloud.rotations[i])) return bad("rotation is not a unit quaternion" + atSplat(i));
-        if (!finite(s) || !(s.x > 0 && s.y > 0 && s.z > 0)) return bad("scale is not positive and finite" + atSplat(i));
+        if (!within(s, std::numeric_limits<float>::denorm_min(), kLargestNumber)) return bad("scale is not positive or beyond 1e15" + atSplat(i));
         if (!(cloud.opacities[i] >= 0 && cloud.opacities[i] <= 1)) return bad("opacity is outside [0, 1]" + atSplat(i));
     }
     return ok();
@@ -81,8 +94,8 @@ Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
             return bad("channel '" + channel.name + "' has " + std::to_string(channel.values.size()) + " floats and " +
                        std::to_string(channel.bytes.size()) + " bytes, expected " + std::to_string(rows) + (channel.perAsset ? " row x " : " splats x ") +
                        std::to_string(channel.components) + (floats ? " floats" : " bytes"));
-        if (!allFinite(channel.values.data(), channel.values.size()))
-            return bad("channel '" + channel.name + "' has a value that is not finite");
+        if (!allWithin(channel.values, kLargestNumber))
+            return bad("channel '" + channel.name + "' has a value that is not finite or beyond 1e15");
     }
     for (const ChannelSpec& spec : model.channels)
         if (spec.components[0] != 0 && !asset.find(spec.name))

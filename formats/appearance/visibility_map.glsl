@@ -4,10 +4,10 @@
 void visibilityTexels(vec3 w, out ivec4 texels, out vec4 weights)
 {
     const int n = VISIBILITY_SIZE;
-    vec2 p = w.xy / (abs(w.x) + abs(w.y) + abs(w.z));
+    vec2 p = w.xy / max(abs(w.x) + abs(w.y) + abs(w.z), 0.5); // a unit vector has at least 1
     if (w.z < 0.0) p = (1.0 - abs(p.yx)) * vec2(w.x < 0.0 ? -1.0 : 1.0, w.y < 0.0 ? -1.0 : 1.0);
     vec2 at = (p + 1.0) * float(n / 2) + 0.5;
-    ivec2 hi = min(ivec2(at), n);
+    ivec2 hi = clamp(ivec2(at), 0, n); // in bounds for any w
     vec2 f = at - vec2(hi);
     weights = vec4((1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y);
     for (int k = 0; k < 4; ++k) {

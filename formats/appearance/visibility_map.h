@@ -28,12 +28,12 @@ NACRE_HD inline int visibilityTexel(int i, int j, int n)
     return j * n + i;
 }
 
-/// The map's bilinear value towards the unit direction w, in [0, 1].
+/// The map's bilinear value towards the unit direction w, in [0, 1]. In bounds for any w.
 template <class T>
 NACRE_HD inline T mapBilinear(const VisibilityMap& map, const T* w)
 {
     const T ax = w[0] < T(0) ? -w[0] : w[0], ay = w[1] < T(0) ? -w[1] : w[1], az = w[2] < T(0) ? -w[2] : w[2];
-    const T inv = T(1) / (ax + ay + az);
+    const T sum = ax + ay + az, inv = T(1) / (sum > T(0.5) ? sum : T(0.5)); // a unit vector has at least 1
     T u = w[0] * inv, v = w[1] * inv;
     if (w[2] < T(0)) { // the lower half folds outwards
         const T foldedU = (T(1) - ay * inv) * (w[0] < T(0) ? T(-1) : T(1));
@@ -41,7 +41,8 @@ NACRE_HD inline T mapBilinear(const VisibilityMap& map, const T* w)
         u = foldedU;
     }
     const int n = map.size;
-    const T x = (u + T(1)) * T(n / 2) + T(0.5), y = (v + T(1)) * T(n / 2) + T(0.5); // texel centres at whole numbers 1..n
+    const auto inside = [n](T t) { return t > T(0) ? (t < T(n + 1) ? t : T(n + 1)) : T(0); }; // and NaN becomes 0
+    const T x = inside((u + T(1)) * T(n / 2) + T(0.5)), y = inside((v + T(1)) * T(n / 2) + T(0.5)); // texel centres at whole numbers 1..n
     int i = int(x), j = int(y);
     i = i < n ? i : n, j = j < n ? j : n;
     const T fx = x - T(i), fy = y - T(j);

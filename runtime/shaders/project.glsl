@@ -54,7 +54,7 @@ bool projectSplat(out ivec2 splat, out vec4 meanOpacity, out float opacity)
     float lxx = sqrt(xx + uLowPass);
     float lyx = xy / lxx;
     float lyy = sqrt(det) / lxx;
-    float extent = sqrt(2.0 * log(opacity / MIN_ALPHA)) + 1e-3; // the fragment decides exactly
+    float extent = sqrt(max(2.0 * log(opacity / MIN_ALPHA), 0.0)) + 1e-3; // the fragment decides exactly
     vLocal = extent * (2.0 * vec2(gl_VertexID & 1, (gl_VertexID >> 1) & 1) - 1.0);
     vec2 offset = vec2(lxx * vLocal.x, lyx * vLocal.x + lyy * vLocal.y);
     gl_Position = vec4(ndc + 2.0 * offset / uViewport, clip.z / clip.w, 1.0); // the quad lies at the centre's depth

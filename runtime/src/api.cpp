@@ -3,6 +3,7 @@
 
 #include "appearance/sss/sss_edit.h"
 #include "asset/asset_decode.h"
+#include "base/limits.h"
 #include "base/text.h"
 #include "host_depth.h"
 
@@ -57,19 +58,18 @@ Failure checkLight(const NacreLight& light, size_t index)
     const int type = rawEnum(light.type);
     if (type != NACRE_LIGHT_POINT && type != NACRE_LIGHT_DIRECTIONAL)
         return invalid(which + "unknown type " + std::to_string(type));
-    constexpr float kFarthest = 1e15f; // so that squared distances stay finite in float
     constexpr float kWidestLight = 1.6f; // radians
     constexpr float kBrightest = 1e15f; // times falloff 1e6, the largest coefficients and 256 lights still finite: no inf * 0
     double length2 = 0;
     for (int c = 0; c < 3; ++c) {
-        if (!(std::abs(light.vector[c]) <= kFarthest)) return invalid(which + "vector is not finite or beyond 1e15");
+        if (!(std::abs(light.vector[c]) <= nacre::kLargestNumber)) return invalid(which + "vector is not finite or beyond 1e15");
         if (!(light.intensity[c] >= 0 && light.intensity[c] <= kBrightest))
             return invalid(which + "intensity must be from 0 to 1e15, found " + nacre::numberText(light.intensity[c]));
         length2 += double(light.vector[c]) * light.vector[c];
     }
     if (light.type == NACRE_LIGHT_DIRECTIONAL && !(std::abs(length2 - 1.0) < 1e-2))
         return invalid(which + "vector of a directional light must have length 1, found " + nacre::numberText(std::sqrt(length2)));
-    if (light.type == NACRE_LIGHT_POINT && !(light.radius >= 0 && light.radius <= kFarthest))
+    if (light.type == NACRE_LIGHT_POINT && !(light.radius >= 0 && light.radius <= nacre::kLargestNumber))
         return invalid(which + "radius must be finite and not negative");
     if (light.type == NACRE_LIGHT_DIRECTIONAL && !(light.radius >= 0 && light.radius <= kWidestLight))
         return invalid(which + "radius of a directional light is an angle from 0 to 1.6 radians, found " + nacre::numberText(light.radius));
@@ -205,6 +205,9 @@ NacreResult nacreAssetSetLights(NacreAsset asset, const NacreLight* lights, size
         if (count > NACRE_MAX_LIGHTS)
             return invalid(std::to_string(count) + " lights, the most is " + std::to_string(NACRE_MAX_LIGHTS) +
                            "; keep those that matter at the asset");
+        if (count > size_t(asset->mostLights))
+            return {NACRE_ERROR_UNSUPPORTED, std::to_string(count) + " lights, for " + std::to_string(asset->count) + " splats this GPU's textures have room for " +
+                                                 std::to_string(asset->mostLights) + "; keep those that matter at the asset"};
         for (size_t i = 0; i < count; ++i)
             if (Failure f = checkLight(lights[i], i)) return f;
         asset->hostLights.assign(lights, lights + count);

@@ -54,6 +54,7 @@ struct NacreAssetImpl {
     uint32_t count = 0;
     int width = 0, rows = 0;       // of the grid, layout.glsl
     int rowShift = 0;              // layers of the textures that hold one long row are 2^shift texels wide and high
+    int mostLights = 0;            // that these textures have room for on this GPU
     float lowPassVariance = 0;
     int visibilitySize = 0; // texels per side of the visibility maps; 0: none
     glm::vec3 boundsMin{0}, boundsMax{0};

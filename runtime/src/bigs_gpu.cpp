@@ -35,7 +35,7 @@ public:
     using GpuModel::GpuModel;
     ~GpuBigs() override;
     Failure checkLayout(const SplatAsset& source) override;
-    int mostSlots() const override { return NACRE_MAX_LIGHTS / 4; }
+    int mostSlots() const override { return kBigsTransportFunctions; } // as many as s has functions at most
     int geometrySlots() const override { return (hasLobe_ ? int(kBigsSlots) : int(kNormalSharpness)) - int(kCommonSlots); }
     Failure upload(const SplatAsset& source) override;
     Failure compilePrograms() override;
@@ -83,8 +83,11 @@ Failure GpuBigs::checkLayout(const SplatAsset& source)
     scattering_ = s ? s->rows(asset_.count) : 0;
     hasLobe_ = source.find("lobe") != nullptr;
     hasVisibility_ = source.find("visibility") != nullptr;
-    if (Failure f = checkLongRow(asset_, "s", scattering_, bigsPairCount(sFunctions_))) return f;
-    return checkLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
+    for (const char* name : {"tDir", "tInd", "s"})
+        if (const Channel* channel = source.find(name))
+            if (Failure f = checkHalfRange(*channel)) return f;
+    if (Failure f = fitLongRow(asset_, "s", scattering_, bigsPairCount(sFunctions_))) return f;
+    return fitLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
 }
 
 void GpuBigs::uploadGeometry(const Channel& rho, const Channel* shadow, const Channel* lobe) const
@@ -171,10 +174,11 @@ void GpuBigs::freeLightTargets()
     groupCapacity_ = 0;
 }
 
-/// Room for `groups` groups of four lights. Storage that GL could not allocate shows as an incomplete framebuffer.
+/// Room for `groups` groups of four lights.
 Failure GpuBigs::growLightTargets(int groups)
 {
     if (groups <= groupCapacity_) return {};
+    clearHostErrors(*asset_.context);
     gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, lightFramebuffer_); // deletion detaches, and so frees, only while bound
     freeLightTargets();
     groupCapacity_ = groups;
@@ -186,9 +190,8 @@ Failure GpuBigs::growLightTargets(int groups)
     const int count = visible_ ? 3 : 2;
     for (int i = 0; i < count; ++i) gl().FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, attachments[i], GL_TEXTURE_2D, targets[i], 0);
     gl().DrawBuffers(count, attachments);
-    if (gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE) return {};
+    if (allocated(gl())) return {};
     freeLightTargets();
-    reportHostError(*asset_.context);
     return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(4 * groups) + " lights; use fewer"};
 }
 

@@ -18,6 +18,8 @@ struct SplatAsset;
 struct SplatEdit;
 class GlStateGuard;
 
+constexpr int kLightsPerSlot = 4;
+
 class GpuModel {
 public:
     explicit GpuModel(NacreAssetImpl& asset) : asset_(asset) {}
@@ -27,7 +29,7 @@ public:
     virtual Failure checkLayout(const SplatAsset& source) = 0;
     /// Slots of the geometry texture after the common ones.
     virtual int geometrySlots() const = 0;
-    /// Slots of its tallest texture, under the most lights.
+    /// Slots of its tallest texture but those of lights, which take one for every kLightsPerSlot.
     virtual int mostSlots() const = 0;
     /// Channels and targets; the geometry texture is bound to unit 0. GL errors are the caller's to find.
     virtual Failure upload(const SplatAsset& source) = 0;

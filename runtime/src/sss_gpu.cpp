@@ -41,7 +41,7 @@ constexpr int kWeightsWidth = 1024;
 
 // The light pass takes lights in groups, so that each weight is fetched once for all lights of a group: as few groups as kMostLanes allow,
 // and all of one size, as small as so many groups can be.
-constexpr int kMostLanes = 4;
+constexpr int kMostLanes = kLightsPerSlot;
 constexpr int kWorkgroup = 64;                       // splats of the compute shader
 int groupsOf(int lights) { return std::max(1, (lights + kMostLanes - 1) / kMostLanes); }
 int lanesOf(int lights) { return std::max(1, (lights + groupsOf(lights) - 1) / groupsOf(lights)); }
@@ -92,7 +92,7 @@ public:
     using GpuModel::GpuModel;
     ~GpuSss() override;
     Failure checkLayout(const SplatAsset& source) override;
-    int mostSlots() const override { return NACRE_MAX_LIGHTS / kMostLanes; }
+    int mostSlots() const override { return kSssHidden1 / 4; }
     int geometrySlots() const override { return int(kSssSlots) - int(kCommonSlots); }
     Failure upload(const SplatAsset& source) override;
     Failure compilePrograms() override;
@@ -152,7 +152,7 @@ Failure GpuSss::checkLayout(const SplatAsset& source)
     hasVisibility_ = source.find("visibility") != nullptr;
     hasNetwork_ = source.find("network") != nullptr;
     hasShare_ = SssChannels(source).shares();
-    return checkLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
+    return fitLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
 }
 
 void GpuSss::uploadMaterials() const
@@ -260,11 +260,12 @@ void GpuSss::freeLit()
     lit_ = 0, litGroups_ = 0;
 }
 
-/// Room for so many lights. Storage that GL could not allocate shows as an incomplete framebuffer.
+/// Room for so many lights.
 Failure GpuSss::growLit(int lights)
 {
     const int groups = groupsOf(lights), height = groups * asset_.rows;
     if (groups <= litGroups_) return {};
+    clearHostErrors(*asset_.context);
     gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, litFramebuffer_); // deletion detaches, and so frees, only while bound
     freeLit();
     litGroups_ = groups;
@@ -274,9 +275,8 @@ Failure GpuSss::growLit(int lights)
     gl().TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA32F, asset_.width, height, kMostLanes, 0, GL_RGBA, GL_FLOAT, nullptr);
     asset_.gpuBytes += 16 * uint64_t(kMostLanes * groups) * uint64_t(asset_.width) * uint64_t(asset_.rows);
     for (int l = 0; l < kMostLanes; ++l) gl().FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + GLenum(l), lit_, 0, l);
-    if (gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE) return {};
+    if (allocated(gl())) return {};
     freeLit();
-    reportHostError(*asset_.context);
     return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(lights) + " lights; use fewer"};
 }
 
@@ -351,6 +351,7 @@ void GpuSss::freeLayers(LayerTarget& t)
 Failure GpuSss::growLayers(LayerTarget& t, int width, int height, int layers)
 {
     if (t.width == width && t.height == height && t.layers >= layers) return {};
+    clearHostErrors(*asset_.context);
     freeLayers(t);
     t.width = width, t.height = height, t.layers = layers;
     gl().GenTextures(1, &t.texture);
@@ -361,9 +362,8 @@ Failure GpuSss::growLayers(LayerTarget& t, int width, int height, int layers)
     gl().GenFramebuffers(1, &t.framebuffer);
     gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, t.framebuffer);
     for (int k = 0; k < layers; ++k) gl().FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + GLenum(k), t.texture, 0, k);
-    if (gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE) return {};
+    if (allocated(gl())) return {};
     freeLayers(t);
-    reportHostError(*asset_.context);
     return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(layers) + " layers of " + std::to_string(width) + " x " +
                                            std::to_string(height) + " pixels; draw into a smaller viewport"};
 }

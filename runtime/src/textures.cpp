@@ -4,6 +4,7 @@
 #include "base/text.h"
 #include "gl_state.h"
 
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -48,11 +49,16 @@ GLuint createTarget(const Gl& gl, GLuint texture)
     return framebuffer;
 }
 
-void reportHostError(const NacreContextImpl& context)
+void clearHostErrors(const NacreContextImpl& context)
 {
-    const GLenum error = takeGlError(context.gl);
-    if (error != GL_NO_ERROR && error != GL_OUT_OF_MEMORY)
-        context.report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(error) + "; it was cleared");
+    if (const GLenum pending = takeGlError(context.gl); pending != GL_NO_ERROR)
+        context.report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(pending) + "; it was cleared");
+}
+
+bool allocated(const Gl& gl)
+{
+    const bool complete = gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+    return takeGlError(gl) == GL_NO_ERROR && complete;
 }
 
 void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int rows)
@@ -64,10 +70,17 @@ void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int rows)
     gl.DrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-Failure checkLongRow(const NacreAssetImpl& asset, const char* channel, size_t splats, int64_t texelsPerSplat)
+Failure fitLongRow(NacreAssetImpl& asset, const char* channel, size_t splats, int64_t texelsPerSplat)
 {
+    constexpr int kSmallestShift = 8; // drivers round smaller layers up
     const Gl& gl = asset.context->gl;
-    const int64_t texels = int64_t(splats) * texelsPerSplat, layers = (texels >> 2 * asset.rowShift) + 1;
+    const int largestShift = std::bit_width(unsigned(gl.maxTextureSize)) - 1;
+    const int64_t texels = int64_t(splats) * texelsPerSplat;
+    const auto layersAt = [&](int shift) { return (texels >> 2 * shift) + 1; };
+    int& shift = asset.rowShift;
+    shift = std::max(shift, std::min(kSmallestShift, largestShift));
+    while (layersAt(shift) > gl.maxArrayLayers && shift < largestShift) ++shift;
+    const int64_t layers = layersAt(shift);
     if (layers <= gl.maxArrayLayers && texels <= std::numeric_limits<int32_t>::max()) return {};
     return {NACRE_ERROR_UNSUPPORTED, std::string("the ") + channel + " of " + std::to_string(splats) + " splats needs " +
                                          std::to_string(texels) + " texels in " + std::to_string(layers) +

@@ -20,15 +20,19 @@ GLuint createRowTexture(NacreAssetImpl& asset, GLenum format, int rows);
 /// A framebuffer that draws into `texture`. Leaves it bound.
 GLuint createTarget(const Gl& gl, GLuint texture);
 
-/// After a failure of ours: GL errors that the host had pending are cleared, with a warning. Asked only then, so that drawing never waits.
-void reportHostError(const NacreContextImpl& context);
+/// Before memory is asked for: GL errors that the host had pending are cleared, with a warning, so that those after it are ours. Draws
+/// that ask for none never wait for GL.
+void clearHostErrors(const NacreContextImpl& context);
+/// After it: what was bound can be drawn into and nothing has failed. GL may notice a lack of memory in either way.
+bool allocated(const Gl& gl);
 
 /// A draw over the first `rows` rows of a target.
 void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int rows);
 
-/// A channel of one long row, `texelsPerSplat` for each of `splats`: its indices must fit an int, its layers the GPU.
-Failure checkLongRow(const NacreAssetImpl& asset, const char* channel, size_t splats, int64_t texelsPerSplat);
-/// Every value must fit a half float.
+/// A channel of one long row, `texelsPerSplat` for each of `splats`: its indices must fit an int, its layers the GPU. Makes the layers of
+/// the asset as large as that takes and no larger: the last one is allocated whole.
+Failure fitLongRow(NacreAssetImpl& asset, const char* channel, size_t splats, int64_t texelsPerSplat);
+/// Every value must fit a half float: for channels that are stored as such.
 Failure checkHalfRange(const Channel& channel);
 
 /// texel(g, out) for every splat of one slot of the texture bound to unit 0, then one upload. T is float or uint16_t (half).

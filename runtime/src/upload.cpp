@@ -5,26 +5,24 @@
 #include "gl_state.h"
 
 #include <algorithm>
-#include <bit>
 
 namespace nacre {
 
-/// Chooses the narrowest grid that keeps every slot texture within the limits, and how many texels of a long row a layer holds.
+/// Chooses the narrowest grid that keeps every slot texture within the limits under all lights, or the widest, under fewer lights.
 static Failure chooseLayout(NacreAssetImpl& asset)
 {
-    const int mostSlots = asset.model->mostSlots();
     const Gl& gl = asset.context->gl;
-    const int64_t maxSize = gl.maxTextureSize, count = asset.count;
+    const int64_t maxSize = gl.maxTextureSize, count = asset.count, fixedSlots = asset.model->mostSlots();
+    const int64_t allSlots = std::max<int64_t>(fixedSlots, NACRE_MAX_LIGHTS / kLightsPerSlot);
     int64_t width = 64;
     const auto rows = [&] { return (count + width - 1) / width; };
-    while (rows() * mostSlots > maxSize && 2 * width <= maxSize) width *= 2;
-    if (rows() * mostSlots > maxSize)
+    while (rows() * allSlots > maxSize && 2 * width <= maxSize) width *= 2;
+    if (rows() * fixedSlots > maxSize)
         return {NACRE_ERROR_UNSUPPORTED, "the asset has " + std::to_string(count) + " splats, this GPU's textures (GL_MAX_TEXTURE_SIZE " +
-                                             std::to_string(maxSize) + ") hold at most " + std::to_string(maxSize / mostSlots * width)};
+                                             std::to_string(maxSize) + ") hold at most " + std::to_string(maxSize / fixedSlots * width)};
     asset.width = int(width);
     asset.rows = int(rows());
-
-    asset.rowShift = std::bit_width(unsigned(maxSize)) - 1;
+    asset.mostLights = int(std::min<int64_t>(NACRE_MAX_LIGHTS, maxSize / rows() * kLightsPerSlot));
     return {};
 }
 
@@ -99,8 +97,6 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
     if (!asset.model) return {NACRE_ERROR_UNSUPPORTED, "this version does not draw the model '" + source.model + "'"};
     if (source.cloud.count > (size_t(1) << 28))
         return {NACRE_ERROR_UNSUPPORTED, "the asset has " + std::to_string(source.cloud.count) + " splats, the most is 2^28"};
-    for (const Channel& channel : source.channels)
-        if (Failure f = checkHalfRange(channel)) return f;
 
     asset.count = uint32_t(source.cloud.count);
     asset.lowPassVariance = source.lowPassVariance;
@@ -117,8 +113,7 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
     if (Failure f = chooseLayout(asset)) return f;
     if (Failure f = asset.model->checkLayout(source)) return f;
 
-    if (const GLenum pending = takeGlError(gl); pending != GL_NO_ERROR)
-        context.report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(pending) + "; it was cleared");
+    clearHostErrors(context);
     GlStateGuard guard(gl);
     createCommonTextures(asset);
     uploadGeometry(asset, source.cloud);

@@ -217,7 +217,7 @@ TEST_CASE("asset check names what is wrong")
         CHECK_MESSAGE(status.error().message.find(part) != std::string::npos, status.error().message);
     };
     for (float v : {nan, inf, -inf}) {
-        refuses("position is not finite (splat 1)", [&](SplatAsset& a) { a.cloud.positions[1].y = v; });
+        refuses("position is not finite or beyond 1e15 (splat 1)", [&](SplatAsset& a) { a.cloud.positions[1].y = v; });
         refuses("rotation", [&](SplatAsset& a) { a.cloud.rotations[0].w = v; });
         refuses("scale", [&](SplatAsset& a) { a.cloud.scales[2].z = v; });
         refuses("opacity", [&](SplatAsset& a) { a.cloud.opacities[2] = v; });
@@ -226,6 +226,9 @@ TEST_CASE("asset check names what is wrong")
         refuses("filter variance", [&](SplatAsset& a) { a.lowPassVariance = v; });
         refuses("+Y up", [&](SplatAsset& a) { a.yUpFromAsset.x = v; });
     }
+    refuses("position is not finite or beyond 1e15 (splat 2)", [](SplatAsset& a) { a.cloud.positions[2].z = -1e20f; });
+    refuses("scale", [](SplatAsset& a) { a.cloud.scales[1].y = 1e20f; });
+    refuses("'tInd' has a value", [](SplatAsset& a) { a.channels[1].values[0] = -1e20f; });
     refuses("scale", [](SplatAsset& a) { a.cloud.scales[0].x = -1.0f; });
     refuses("scale", [](SplatAsset& a) { a.cloud.scales[0].x = 0.0f; });
     refuses("unit quaternion", [](SplatAsset& a) { a.cloud.rotations[0] = glm::quat(0, 0, 0, 0); });
@@ -360,6 +363,21 @@ TEST_CASE("visibility map: texel centres, seams and slope")
     const std::vector<uint8_t> open(texels.size(), 255), closed(texels.size(), 0);
     CHECK(mapVisibility(VisibilityMap{open.data(), n}, up) == 1.0);
     CHECK(mapVisibility(VisibilityMap{closed.data(), n}, up) == 0.0);
+}
+
+TEST_CASE("visibility map: any direction stays within the map and its values")
+{
+    const std::vector<uint8_t> texels(32 * 32, 255);
+    const float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
+    const float extremes[] = {0.0f, -0.0f, 1.0f, -1.0f, 1e-38f, 1e20f, -1e38f, inf, -inf, nan};
+    for (const int n : {16, 32})
+        for (const float x : extremes)
+            for (const float y : extremes)
+                for (const float z : extremes) {
+                    const float w[3] = {x, y, z};
+                    const float v = mapVisibility(VisibilityMap{texels.data(), n}, w);
+                    CHECK((v >= 0 && v <= 1));
+                }
 }
 
 TEST_CASE("lobe: peak at the mirror direction, reciprocal up to the facing term, none from behind, finite for any input")

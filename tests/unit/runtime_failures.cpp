@@ -57,16 +57,21 @@ TEST_CASE("a heap too small for the asset gives OUT_OF_MEMORY and no asset")
 
 // ---- a full GPU ---------------------------------------------------------------------------------------------------------------
 
-/// While set, this allocation does nothing and raises GL_OUT_OF_MEMORY.
-static bool noTextures = false, noBuffers = false;
+/// While set, this allocation does nothing and raises GL_OUT_OF_MEMORY; lateTextures: it leaves what looks complete.
+static bool noTextures = false, noBuffers = false, lateTextures = false;
 static bool raised = false;
 
 static void* scarceGl(const char* name, void* user)
 {
     static constexpr auto kTexImage2D = [](GLenum target, GLint level, GLint format, GLsizei width, GLsizei height, GLint border,
                                            GLenum layout, GLenum type, const void* pixels) {
-        if (noTextures) raised = true;
-        else glTexImage2D(target, level, format, width, height, border, layout, type, pixels);
+        if (noTextures || lateTextures) raised = true;
+        if (!noTextures) glTexImage2D(target, level, format, width, height, border, layout, type, pixels);
+    };
+    static constexpr auto kTexImage3D = [](GLenum target, GLint level, GLint format, GLsizei width, GLsizei height, GLsizei depth, GLint border,
+                                           GLenum layout, GLenum type, const void* pixels) {
+        if (noTextures || lateTextures) raised = true;
+        if (!noTextures) glTexImage3D(target, level, format, width, height, depth, border, layout, type, pixels);
     };
     static constexpr auto kBufferData = [](GLenum target, GLsizeiptr size, const void* data, GLenum usage) {
         if (noBuffers) raised = true;
@@ -78,6 +83,7 @@ static void* scarceGl(const char* name, void* user)
     };
     const std::string wanted = name;
     if (wanted == "glTexImage2D") return reinterpret_cast<void*>(+kTexImage2D);
+    if (wanted == "glTexImage3D") return reinterpret_cast<void*>(+kTexImage3D);
     if (wanted == "glBufferData") return reinterpret_cast<void*>(+kBufferData);
     if (wanted == "glGetError") return reinterpret_cast<void*>(+kGetError);
     return HeadlessGl::getProcAddress(name, user);
@@ -114,26 +120,42 @@ TEST_CASE("no GPU memory for the textures or indices of an asset: OUT_OF_MEMORY,
     CHECK(largestDifference(host.draw(front(), kLamp), fresh.draw(front(), kLamp)) == 0.0f);
 }
 
-TEST_CASE("no GPU memory for more lights: OUT_OF_MEMORY, no error left, bytes counted right, a later draw works")
+TEST_CASE("no GPU memory for more lights or a viewport: OUT_OF_MEMORY, no error left, bytes counted right, a later draw works")
 {
     if (!haveGl()) return;
-    const SplatAsset asset = withSharp(randomAsset(50, 4, 1), kAllSharp, 1);
     const std::vector<Light> many(40, kLamp[0]);
-    Host host(asset, scarceGl);
-    const uint64_t unlit = gpuBytes(host);
-    host.setLights(many);
-    REQUIRE(host.gl->beginFrame(33, 33));
     const NacreDrawDesc desc = describe(front());
-    noTextures = true;
-    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_OUT_OF_MEMORY);
-    noTextures = false;
-    CHECK(host.lastMessage().find("40 lights") != std::string::npos);
-    CHECK_FALSE(raised);
-    CHECK(glGetError() == GL_NO_ERROR);
-    CHECK(gpuBytes(host) == unlit);
-    Host fresh(asset);
-    CHECK(largestDifference(host.draw(front()), fresh.draw(front(), many)) == 0.0f);
-    CHECK(gpuBytes(host) == gpuBytes(fresh));
+    for (const SplatAsset& asset : {withSharp(randomAsset(50, 4, 1), kAllSharp, 1), randomSss(50, kAllSss, 1)}) {
+        CAPTURE(asset.model);
+        Host fresh(asset);
+        const Image expected = fresh.draw(front(), many);
+        for (bool* lack : {&noTextures, &lateTextures}) {
+            Host host(asset, scarceGl);
+            const uint64_t unlit = gpuBytes(host);
+            host.setLights(many);
+            REQUIRE(host.gl->beginFrame(33, 33));
+            *lack = true;
+            CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_OUT_OF_MEMORY);
+            *lack = false;
+            CHECK_MESSAGE(host.lastMessage().find("40 lights") != std::string::npos, host.lastMessage());
+            CHECK_FALSE(raised);
+            CHECK(glGetError() == GL_NO_ERROR);
+            CHECK(gpuBytes(host) == unlit);
+            CHECK(largestDifference(host.draw(front()), expected) == 0.0f);
+            CHECK(gpuBytes(host) == gpuBytes(fresh));
+            if (asset.model != "sss") continue;
+            NacreDrawDesc smaller = desc; // other layers
+            smaller.viewportWidth = smaller.viewportHeight = 21;
+            glViewport(0, 0, 21, 21);
+            *lack = true;
+            CHECK(nacreAssetDraw(host.asset, &smaller) == NACRE_ERROR_OUT_OF_MEMORY);
+            *lack = false;
+            CHECK_MESSAGE(host.lastMessage().find("pixels") != std::string::npos, host.lastMessage());
+            CHECK(glGetError() == GL_NO_ERROR);
+            CHECK(largestDifference(host.draw(front()), expected) == 0.0f);
+            CHECK(gpuBytes(host) == gpuBytes(fresh));
+        }
+    }
 }
 
 TEST_CASE("an asset that is destroyed leaves no texture, framebuffer or program behind, whatever its channels")
@@ -192,6 +214,30 @@ TEST_CASE("maps and s that wrap over rows and layers draw the same image; where 
                   narrow.lastMessage());
 }
 
+TEST_CASE("layers of maps are no larger than they must be")
+{
+    if (!haveGl()) return;
+    smallSize = 1024, smallLayers = 256;
+    Host host(randomSss(1100, kSssMaps, 1), smallGl); // 1126400 bytes of maps, a little more than one layer of 1024 x 1024
+    CHECK(gpuBytes(host) < 1126400 + 65536 + 1100 * 170 + 10000); // the last layer whole; slots; lights
+}
+
+TEST_CASE("many splats on a small GPU: fewer lights rather than none, and the message says how many")
+{
+    if (!haveGl()) return;
+    for (const SplatAsset& asset : {randomAsset(2000, 4, 1), randomSss(2000, 0, 1)}) {
+        CAPTURE(asset.model);
+        std::vector<Light> lights(128, kLamp[0]); // 2000 splats are 8 rows of 256, so 32 slots of four lights
+        Host wide(asset);
+        smallSize = 256, smallLayers = 256;
+        Host narrow(asset, smallGl);
+        CHECK(largestDifference(narrow.draw(front(), lights), wide.draw(front(), lights)) == 0.0f);
+        const std::vector<NacreLight> tooMany(129, toNacre(kLamp[0]));
+        CHECK(nacreAssetSetLights(narrow.asset, tooMany.data(), tooMany.size()) == NACRE_ERROR_UNSUPPORTED);
+        CHECK_MESSAGE(narrow.lastMessage().find("room for 128") != std::string::npos, narrow.lastMessage());
+    }
+}
+
 // ---- the host's frame ---------------------------------------------------------------------------------------------------------
 
 TEST_CASE("an incomplete framebuffer gives ERROR_GL with its name and leaves no GL error")
@@ -217,7 +263,22 @@ TEST_CASE("a GL error of the host stays pending through a draw")
     host.setLights(kLamp);
     REQUIRE(host.gl->beginFrame(33, 33));
     const NacreDrawDesc desc = describe(front());
+    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_OK); // makes its textures
     glEnable(GL_TEXTURE_BUFFER_BINDING); // no such capability
     CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    CHECK(host.messages.empty());
     CHECK(glGetError() == GL_INVALID_ENUM);
+}
+
+TEST_CASE("a GL error that was pending when memory is asked for is not taken for ours")
+{
+    if (!haveGl()) return;
+    Host host(oneSplat(0));
+    host.setLights(kLamp);
+    REQUIRE(host.gl->beginFrame(33, 33));
+    const NacreDrawDesc desc = describe(front());
+    glEnable(GL_TEXTURE_BUFFER_BINDING);
+    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    CHECK_MESSAGE(host.lastMessage().find("pending GL error") != std::string::npos, host.lastMessage());
+    CHECK(glGetError() == GL_NO_ERROR);
 }

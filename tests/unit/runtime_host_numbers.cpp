@@ -227,3 +227,47 @@ TEST_CASE("a host's decimal comma changes neither pixels nor messages")
         CHECK(message == plainMessage);
     }
 }
+
+TEST_CASE("splats and lights as far away as they may be give finite pictures")
+{
+    if (!haveGl()) return;
+    const std::vector<Light> lights = {pointLight({1e15f, -1e15f, 1e15f}, glm::vec3(1e15f)), kLights[0], directionalLight({0, 0, 1}, glm::vec3(1))};
+    for (SplatAsset asset : {withSharp(randomAsset(30, 4, 9), kAllSharp, 4), randomSss(30, kAllSss, 4)}) {
+        CAPTURE(asset.model);
+        asset.cloud.positions[3] = glm::vec3(-1e15f, 1e15f, -1e15f);
+        asset.cloud.positions[4] = glm::vec3(0, 0, -1e12f);
+        asset.cloud.scales[4] = glm::vec3(1e15f);
+        asset.cloud.scales[5] = glm::vec3(1e-30f);
+        Host host(asset);
+        CHECK(allFinite(host.draw(offCentre(), lights)));
+        NacreDrawDesc desc = describe(offCentre());
+        desc.worldFromAsset[0] = desc.worldFromAsset[5] = desc.worldFromAsset[10] = 1e-6f; // lights are 1e21 away in asset space
+        CHECK(allFinite(host.draw(offCentre(), desc)));
+    }
+}
+
+TEST_CASE("large values are drawn where they are stored as float and refused where as half")
+{
+    if (!haveGl()) return;
+    SplatAsset sharp = withSharp(randomAsset(20, 4, 9), kAllSharp, 4);
+    for (Channel& c : sharp.channels)
+        if (c.name == "lobe") c.values[3] = 1e6f; // sharpness of a mirror
+    Host host(sharp);
+    CHECK(allFinite(host.draw(offCentre(), kLights)));
+
+    SplatAsset farAway = randomSss(20, kAllSss, 4);
+    for (Channel& c : farAway.channels)
+        if (c.name == "network") c.values[kSssFrame] = 1e6f, c.values[kSssFrame + 3] = 1e5f; // centre and 1 / half-size
+    host.load(farAway);
+
+    for (const char* name : {"tDir", "tInd", "s"}) {
+        SplatAsset large = randomAsset(20, 4, 9);
+        for (Channel& c : large.channels)
+            if (c.name == name) c.values[0] = -65536.0f;
+        const auto bytes = encodeAsset(large);
+        REQUIRE(bytes);
+        NacreAsset refused = nullptr;
+        CHECK(nacreAssetCreate(host.context, bytes->data(), bytes->size(), &refused) == NACRE_ERROR_BAD_ASSET);
+        CHECK_MESSAGE(host.lastMessage() == std::string("channel '") + name + "' has a value of -65536 at splat 0, the largest that can be drawn is 65504", host.lastMessage());
+    }
+}

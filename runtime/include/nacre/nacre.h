@@ -97,6 +97,7 @@ typedef struct NacreLight {
 #define NACRE_MAX_LIGHTS 256
 
 /// Replaces the lights that illuminate `asset`. Copies them. Relighting runs at the next draw, only if something changed.
+/// NACRE_ERROR_UNSUPPORTED: an asset of this many splats leaves room for fewer lights on this GPU (the message says how many).
 NACRE_API NacreResult nacreAssetSetLights(NacreAsset asset, const NacreLight* lights, size_t count);
 
 typedef enum NacreEditTarget {
@@ -140,7 +141,7 @@ typedef struct NacreDrawDesc {
 /// stencil test and depth function apply; depth is never written. Cost follows change: with lights, camera and asset at rest only the
 /// splats are blended. In a half-float target splat colours stop at 65504, so that blending makes no infinities. Of several draw buffers
 /// only the first is written. NACRE_ERROR_GL: the bound framebuffer is incomplete. GL errors that were pending stay pending, except
-/// that a draw that fails for want of GPU memory clears them.
+/// that a draw that needs more GPU memory (the first, more lights, for sss another viewport) clears them, with a warning.
 NACRE_API NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc);
 
 /// CPU-side record of the last draw, for tests and profilers.
