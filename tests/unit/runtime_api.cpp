@@ -4,7 +4,6 @@
 #define GL_GLEXT_PROTOTYPES
 #include <GL/glcorearb.h>
 
-#include <bit>
 #include <map>
 
 using namespace nacre;
