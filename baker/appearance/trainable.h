@@ -61,6 +61,8 @@ public:
     virtual void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) = 0;
     /// How many channels are blended under so many lights: a count that the rasteriser takes (raster.h).
     virtual int channels(int lightCount) const { return 3 * lightCount; }
+    /// Which of them is the distance of the splat's centre from the eye, so that its gradient moves splats; -1: none.
+    virtual int distanceChannel() const { return -1; }
     /// channels[visible][channelStride], of which resolve makes three per light.
     virtual void forward(const VisibleView& view, const LitView& lit, float* channels) = 0;
     /// From blended channels (planes of channels(), then alpha) to what the image shows (three planes per light, then alpha). A model

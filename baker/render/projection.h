@@ -177,10 +177,10 @@ NACRE_HD inline bool projectGaussian(const View<T>& view, const GaussianGeometry
 }
 
 /// Adds (+=) to `d` the gradient of a loss with respect to position, scale, raw quaternion and opacity, given its gradient with respect
-/// to mean, conic (entries as in q: conic[1] stands for both off-diagonal entries) and compensated opacity.
+/// to mean, conic (entries as in q: conic[1] stands for both off-diagonal entries), compensated opacity and distance.
 template <class T>
 NACRE_HD inline void projectGaussianBackward(const View<T>& view, const GaussianGeometry<T>& g, const T dMean[2], const T dConic[3],
-                                             T dOpacity, GaussianGeometry<T>& d)
+                                             T dOpacity, T dDistance, GaussianGeometry<T>& d)
 {
     using detail::dot3;
     detail::ProjectionSteps<T> s;
@@ -226,6 +226,8 @@ NACRE_HD inline void projectGaussianBackward(const View<T>& view, const Gaussian
     dT[0] += dMean[0] * s.jx;
     dT[1] += dMean[1] * s.jy;
     dT[2] -= (dMean[0] * s.jx * s.t[0] + dMean[1] * s.jy * s.t[1]) * invZ;
+    const T perLength = dDistance / std::sqrt(dot3(s.t, s.t));
+    for (int k = 0; k < 3; ++k) dT[k] += perLength * s.t[k];
     for (int k = 0; k < 3; ++k) d.position[k] += view.r[k] * dT[0] + view.r[3 + k] * dT[1] + view.r[6 + k] * dT[2];
 
     // g = W R(q): dR = W^T dG, then through the rotation matrix and the normalisation

@@ -44,11 +44,11 @@ void activateReference(GeometryRow& r, GaussianGeometry<float>& g)
 }
 
 void stepSplatReference(SplatGeometry& geometry, size_t i, const View<float>& view, const ScreenGradient<float>& dSplat,
-                        const GeometryAdam& adam, float opacityPull)
+                        float dDistance, const GeometryAdam& adam, float opacityPull)
 {
     const GaussianGeometry<float>& g = geometry.activated[i];
     GaussianGeometry<float> d{};
-    projectGaussianBackward(view, g, dSplat.mean, dSplat.conic, dSplat.opacity, d);
+    projectGaussianBackward(view, g, dSplat.mean, dSplat.conic, dSplat.opacity, dDistance, d);
     d.opacity += opacityPull;
     const float gradient[kGeometryParameters] = {
         d.position[0], d.position[1], d.position[2], d.scale[0] * g.scale[0], d.scale[1] * g.scale[1], d.scale[2] * g.scale[2],

@@ -45,13 +45,15 @@ struct GeometryAdam {
 };
 
 /// One Adam step of the visible splats with active[visible] != 0, from their screen-space gradients.
+/// `dDistance`, per visible splat, is the gradient of what is blended of its centre's distance from the eye; nullptr: nothing is.
 /// `opacityPull` is added to the gradient of every active opacity (a small positive value fades splats nobody needs).
 void stepGeometry(SplatGeometry& geometry, const View<float>& view, std::span<const uint32_t> splatFromVisible,
-                  const ScreenGradient<float>* dSplats, const uint8_t* active, const GeometryRates& rates, int step, float opacityPull);
+                  const ScreenGradient<float>* dSplats, const float* dDistance, const uint8_t* active, const GeometryRates& rates,
+                  int step, float opacityPull);
 
 /// The scalar references of the above, for one splat.
 void activateReference(GeometryRow& raw, GaussianGeometry<float>& activated);
 void stepSplatReference(SplatGeometry& geometry, size_t splat, const View<float>& view, const ScreenGradient<float>& dSplat,
-                        const GeometryAdam& adam, float opacityPull);
+                        float dDistance, const GeometryAdam& adam, float opacityPull);
 
 } // namespace nacre

@@ -81,7 +81,7 @@ void activateSplat(GeometryRow& raw, GaussianGeometry<float>& activated)
 
 /// Twin of projectGaussianBackward and the derivatives of the activations: gradient of the raw parameters.
 HWY_INLINE void rawGradient(const View<float>& view, const Rows& raw, const V* scale, V opacity, const V* dMean, const V* dConic,
-                            V dOpacity, V opacityPull, V* out)
+                            V dOpacity, V dDistance, V opacityPull, V* out)
 {
     const D d;
     const V position[3] = {raw.load(0), raw.load(1), raw.load(2)};
@@ -127,6 +127,8 @@ HWY_INLINE void rawGradient(const View<float>& view, const Rows& raw, const V* s
     dT[0] = dT[0] + dMean[0] * s.jx;
     dT[1] = dT[1] + dMean[1] * s.jy;
     dT[2] = dT[2] - (dMean[0] * s.jx * s.t[0] + dMean[1] * s.jy * s.t[1]) * invZ;
+    const V perLength = dDistance / hn::Sqrt(dot3(s.t, s.t));
+    for (int k = 0; k < 3; ++k) dT[k] = dT[k] + perLength * s.t[k];
     for (int k = 0; k < 3; ++k)
         out[k] = hn::IfThenElseZero(s.front, set(view.r[k]) * dT[0] + set(view.r[3 + k]) * dT[1] + set(view.r[6 + k]) * dT[2]);
 
@@ -145,11 +147,11 @@ HWY_INLINE void rawGradient(const View<float>& view, const Rows& raw, const V* s
 
 /// Steps the splats of the visible list's entries active[0 .. count).
 void stepSplats(SplatGeometry& geometry, const View<float>& view, const uint32_t* splatFromVisible, const ScreenGradient<float>* dSplats,
-                const uint32_t* active, size_t count, const GeometryAdam& adam, float opacityPull)
+                const float* dDistance, const uint32_t* active, size_t count, const GeometryAdam& adam, float opacityPull)
 {
     const D d;
     Rows raw, momentum, second, activated;
-    alignas(64) float shape[4][kN], screen[6][kN]; // activated scale and opacity; gradient of mean, conic, opacity
+    alignas(64) float shape[4][kN], screen[7][kN]; // activated scale and opacity; gradient of mean, conic, opacity, distance
     for (size_t first = 0; first < count; first += kN) {
         const int lanes = int(std::min<size_t>(kN, count - first));
         for (int l = 0; l < kN; ++l) { // a vector that is not full repeats its last splat
@@ -162,12 +164,14 @@ void stepSplats(SplatGeometry& geometry, const View<float>& view, const uint32_t
             const ScreenGradient<float>& s = dSplats[v];
             screen[0][l] = s.mean[0], screen[1][l] = s.mean[1], screen[5][l] = s.opacity;
             for (int k = 0; k < 3; ++k) screen[2 + k][l] = s.conic[k];
+            screen[6][l] = dDistance ? dDistance[v] : 0.0f;
         }
         const V scale[3] = {hn::Load(d, shape[0]), hn::Load(d, shape[1]), hn::Load(d, shape[2])};
         const V dMean[2] = {hn::Load(d, screen[0]), hn::Load(d, screen[1])};
         const V dConic[3] = {hn::Load(d, screen[2]), hn::Load(d, screen[3]), hn::Load(d, screen[4])};
         V gradient[kGeometryParameters];
-        rawGradient(view, raw, scale, hn::Load(d, shape[3]), dMean, dConic, hn::Load(d, screen[5]), set(opacityPull), gradient);
+        rawGradient(view, raw, scale, hn::Load(d, shape[3]), dMean, dConic, hn::Load(d, screen[5]), hn::Load(d, screen[6]),
+                    set(opacityPull), gradient);
         for (int k = 0; k < kGeometryParameters; ++k) {
             const auto usable = hn::Lt(hn::Abs(gradient[k]), set(GeometryAdam::kMaxGradient));
             const V m0 = momentum.load(k), s0 = second.load(k), x = raw.load(k);
@@ -203,7 +207,8 @@ HWY_EXPORT(stepSplats);
 void SplatGeometry::activate(size_t i) { HWY_DYNAMIC_DISPATCH(activateSplat)(raw[i], activated[i]); }
 
 void stepGeometry(SplatGeometry& geometry, const View<float>& view, std::span<const uint32_t> splatFromVisible,
-                  const ScreenGradient<float>* dSplats, const uint8_t* active, const GeometryRates& rates, int step, float opacityPull)
+                  const ScreenGradient<float>* dSplats, const float* dDistance, const uint8_t* active, const GeometryRates& rates,
+                  int step, float opacityPull)
 {
     constexpr size_t kChunk = 256;
     const GeometryAdam adam(rates, step);
@@ -214,7 +219,7 @@ void stepGeometry(SplatGeometry& geometry, const View<float>& view, std::span<co
         size_t n = 0;
         for (size_t v = chunk * kChunk; v < std::min(count, (chunk + 1) * kChunk); ++v)
             if (active[v]) list[n++] = uint32_t(v);
-        run(geometry, view, splatFromVisible.data(), dSplats, list, n, adam, opacityPull);
+        run(geometry, view, splatFromVisible.data(), dSplats, dDistance, list, n, adam, opacityPull);
     });
 }
 

@@ -152,6 +152,9 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     clock.end(kStageBlendBack);
 
     const float gradientScale = float(pixels); // the loss is a mean over pixels: undo it, so that statistics do not depend on the image size
+    const int distance = appearance_->distanceChannel();
+    dDistances_.resize(distance < 0 ? 0 : visible.count());
+    for (size_t v = 0; v < dDistances_.size(); ++v) dDistances_[v] = dColors_[v * size_t(channelStride(channels)) + size_t(distance)];
     lastActive = 0;
     for (size_t v = 0; v < visible.count(); ++v) {
         const size_t i = visible.splatFromVisible[v];
@@ -167,7 +170,8 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     clock.end(kStageGeometryBack);
     appearance_->backwardAndStep(view, lit, active_.data(), dColors_.data());
     clock.end(kStageShadeBack);
-    stepGeometry(geometry_, view_, visible.splatFromVisible, dSplats_.data(), active_.data(), rates, moment.step, kOpacityPull);
+    stepGeometry(geometry_, view_, visible.splatFromVisible, dSplats_.data(), distance < 0 ? nullptr : dDistances_.data(), active_.data(), rates,
+                 moment.step, kOpacityPull);
     clock.end(kStageGeometryBack);
     if (splatErrors) shareOutErrors(camera, image, references, int(lights.size()), splatErrors);
     return stats;

@@ -78,7 +78,7 @@ private:
     ImageLoss loss_;
     std::vector<uint32_t> visibleFromSplat_;
     std::vector<uint8_t> active_;
-    std::vector<float> colors_, dColors_, planes_, dImage_;
+    std::vector<float> colors_, dColors_, dDistances_, planes_, dImage_;
     std::vector<ScreenGradient<float>> dSplats_;
 };
 

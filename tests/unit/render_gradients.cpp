@@ -52,17 +52,17 @@ TEST_CASE("projection gradient matches finite differences for every parameter")
         const View<double> view = makeView<double>(testCamera(64, 48, 5), 0.1);
         GaussianGeometry<double> g = randomGaussian(rng, trial % 2 ? 0.1 : 0.01);
         if (trial % 5 == 4) g.position[0] += 1.6; // far outside the frame: the clamped branch of the Jacobian
-        double weights[6];
+        double weights[7]; // of mean, conic, opacity, distance from the eye
         for (double& w : weights) w = u(rng);
         const auto loss = [&](const GaussianGeometry<double>& x) {
             detail::ProjectionSteps<double> s;
             REQUIRE(detail::projectionSteps(view, x, s));
             const double mean[2] = {view.fx * s.t[0] / s.t[2], view.fy * s.t[1] / s.t[2]};
             return weights[0] * mean[0] + weights[1] * mean[1] + weights[2] * s.cyy / s.det - weights[3] * s.cxy / s.det +
-                   weights[4] * s.cxx / s.det + weights[5] * x.opacity * s.compensation;
+                   weights[4] * s.cxx / s.det + weights[5] * x.opacity * s.compensation + weights[6] * std::sqrt(detail::dot3(s.t, s.t));
         };
         GaussianGeometry<double> d{};
-        projectGaussianBackward(view, g, weights, weights + 2, weights[5], d);
+        projectGaussianBackward(view, g, weights, weights + 2, weights[5], weights[6], d);
         double scale = 0;
         for (int i = 0; i < 11; ++i) scale = std::max(scale, std::abs(*parameter(d, i)));
         for (int i = 0; i < 11; ++i) {
@@ -141,7 +141,7 @@ TEST_CASE("blending gradient through projection matches finite differences for g
         }
     for (int i = 0; i < kSplats; ++i) {
         GaussianGeometry<double> d{};
-        projectGaussianBackward(view, g[i], dScreen[i].mean, dScreen[i].conic, dScreen[i].opacity, d);
+        projectGaussianBackward(view, g[i], dScreen[i].mean, dScreen[i].conic, dScreen[i].opacity, 0.0, d);
         for (int k = 0; k < 11; ++k) {
             CAPTURE(i);
             CAPTURE(k);
@@ -189,8 +189,8 @@ TEST_CASE("float32 projection and its gradient agree with float64, thin and tiny
         const float fMean[2] = {1, -0.5f}, fConic[3] = {0.3f, 0.2f, -0.4f};
         GaussianGeometry<double> d{};
         GaussianGeometry<float> e{};
-        projectGaussianBackward(view64, g, dMean, dConic, 0.7, d);
-        projectGaussianBackward(view32, f, fMean, fConic, 0.7f, e);
+        projectGaussianBackward(view64, g, dMean, dConic, 0.7, 0.4, d);
+        projectGaussianBackward(view32, f, fMean, fConic, 0.7f, 0.4f, e);
         for (int i = 0; i < 11; ++i) CHECK(std::isfinite(i < 3 ? e.position[i] : i < 6 ? e.scale[i - 3] : i < 10 ? e.rotation[i - 6] : e.opacity));
         double scale = 0;
         for (int i = 0; i < 3; ++i) scale = std::max(scale, std::abs(d.position[i]));

@@ -72,6 +72,8 @@ TEST_CASE("the SIMD step of the geometry equals the scalar reference")
     const View<float> view = testView();
     SplatGeometry fast = randomGeometry(count), slow = fast;
     auto d = randomGradients(count);
+    std::vector<float> distance(count); // gradient of it
+    for (size_t i = 0; i < count; ++i) distance[i] = d[(i + 1) % count].opacity;
     for (size_t i = 0; i < count; i += 23) d[i].mean[i % 2] = NAN; // position
     for (size_t i = 5; i < count; i += 29) d[i].conic[0] = INFINITY;
     for (size_t i = 7; i < count; i += 31) d[i].opacity = 1e30f;
@@ -80,8 +82,8 @@ TEST_CASE("the SIMD step of the geometry equals the scalar reference")
     for (size_t v = 0; v < count; ++v) splats[v] = uint32_t(v * 7 % count), active[v] = v % 3 != 0;
     for (int step = 1; step <= 5; ++step) {
         for (size_t v = 0; v < count; ++v)
-            if (active[v]) stepSplatReference(slow, splats[v], view, d[v], GeometryAdam(kRates, step), kPull);
-        stepGeometry(fast, view, splats, d.data(), active.data(), kRates, step, kPull);
+            if (active[v]) stepSplatReference(slow, splats[v], view, d[v], distance[v], GeometryAdam(kRates, step), kPull);
+        stepGeometry(fast, view, splats, d.data(), distance.data(), active.data(), kRates, step, kPull);
         size_t clamped = 0, behind = 0;
         for (size_t i = 0; i < count; ++i) {
             CAPTURE(i);
@@ -117,7 +119,7 @@ TEST_CASE("a gradient that is not a number leaves its parameter and its moments 
     d[1].mean[0] = d[1].opacity = NAN;
     const uint32_t splats[3] = {0, 1, 2};
     const uint8_t active[3] = {1, 1, 1};
-    stepGeometry(geometry, view, splats, d.data(), active, kRates, 1, kPull);
+    stepGeometry(geometry, view, splats, d.data(), nullptr, active, kRates, 1, kPull);
     for (int k : {0, 1, 2, 10}) {
         CHECK(geometry.raw[1][k] == before.raw[1][k]);
         CHECK(geometry.momentum[1][k] == before.momentum[1][k]);
@@ -145,7 +147,7 @@ TEST_CASE("the order of the visible list, the inactive between them and the thre
         }
         results[run] = start;
         for (int step = 1; step <= 3; ++step)
-            stepGeometry(results[run], view, splats, gradients.data(), active.data(), kRates, step, kPull);
+            stepGeometry(results[run], view, splats, gradients.data(), nullptr, active.data(), kRates, step, kPull);
     }
     CHECK_FALSE(sameBytes(results[0], start));
     CHECK(sameBytes(results[0], results[1]));
@@ -159,7 +161,7 @@ TEST_CASE("the rows after a step activate to the bytes that the step left")
     const auto d = randomGradients(100);
     std::vector<uint32_t> splats(100);
     for (size_t i = 0; i < 100; ++i) splats[i] = uint32_t(i);
-    stepGeometry(geometry, view, splats, d.data(), std::vector<uint8_t>(100, 1).data(), kRates, 1, kPull);
+    stepGeometry(geometry, view, splats, d.data(), nullptr, std::vector<uint8_t>(100, 1).data(), kRates, 1, kPull);
     SplatGeometry again = geometry; // as a checkpoint does
     for (size_t i = 0; i < 100; ++i) again.activate(i);
     CHECK(sameBytes(geometry, again));

@@ -381,7 +381,7 @@ TEST_CASE("geometry with condition 1e8, near-zero quaternion, saturated opacity 
     ScreenGradient<float> d[4];
     for (auto& g : d) g = {{1, -2}, {3, 1, -1}, 2, 1};
     d[3] = {{INFINITY, NAN}, {1e30f, 1e30f, 1e30f}, -INFINITY, 1};
-    for (int step = 1; step < 20; ++step) stepGeometry(geometry, view, splats, d, active, {0.01f, 0.01f, 0.01f, 0.01f}, step, 0);
+    for (int step = 1; step < 20; ++step) stepGeometry(geometry, view, splats, d, nullptr, active, {0.01f, 0.01f, 0.01f, 0.01f}, step, 0);
     for (size_t i = 0; i < 4; ++i) {
         for (float r : geometry.raw[i]) CHECK(std::isfinite(r));
         CHECK(geometry.activated[i].opacity > 0);

@@ -86,6 +86,7 @@ public:
 
     size_t count() const override { return row_.size(); }
     int channels(int lights) const override { return kSssSurfaceChannels + kSssLightChannels * lights; }
+    int distanceChannel() const override { return kSssDepth; }
 
     void resize(size_t count) override
     {
