@@ -9,6 +9,7 @@
 #include "splats/splat_asset.h"
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -56,6 +57,11 @@ public:
     virtual void copySplat(size_t from, size_t to) = 0;          // clears the optimiser state of `to`
     virtual void permute(std::span<const uint32_t> order) = 0;
 
+    /// What takes long in the beginStep that comes next, done ahead so that it can be given up: false once `goOn`, asked now and then, says no.
+    virtual bool prepareStep(double progress, std::span<const GaussianGeometry<float>> geometry, const std::function<bool()>& goOn)
+    {
+        return (void)progress, (void)geometry, !goOn || goOn();
+    }
     /// `progress` in [0, 1] says what is in use, `rate` scales the learning rates; `step` counts from 1; `random` are three
     /// numbers in [0, 1). Now and then the model looks at the geometry of all splats, for what follows from it (normals, visibility).
     virtual void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) = 0;
@@ -88,6 +94,7 @@ struct AppearanceOptions {
     std::vector<std::string> without{}; // for comparisons: optional parts, "sharing" between neighbours, "schedule": plain Adam with one constant rate
     float brightness = 1;               // estimate of the mean albedo, to start a dark object dark
     bool lightDistancesVary = false;    // sss: else nothing is to be learnt from how near a light is
+    std::vector<glm::vec3> pointLights{}; // of training, each place once: visibility ends at those that stand among the splats
 };
 
 #define NACRE_MODEL(name) \

@@ -6,15 +6,20 @@
 #include <glm/glm.hpp>
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
 namespace nacre {
 
 /// Octahedral maps [splat][size][size] (bigs.h: mapVisibility) of the transmittance from the splat to infinity, 255 = all light arrives,
-/// each texel the mean over oversample^2 directions. What lies nearer than a few splat sizes does not count: a surface does not shade
-/// itself, T_dir holds that. Deterministic for any number of threads. Time: size^2 oversample^2 passes over all splats.
-std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> splats, int size, int oversample);
+/// each texel the mean over oversample^2 directions. Of `lights` those among the splats (within the sphere around their box) are seen as far
+/// as they are: towards them the texels hold the transmittance up to the light, for what lies behind a lamp shades nothing under it. What lies nearer than a few splat sizes does not count: a surface does not shade
+/// itself, T_dir holds that. Deterministic for any number of threads. Time: size^2 oversample^2 passes over all splats; `goOn` is asked
+/// now and then from the calling thread, and empty maps come back once it says no. Resolved are the 98 % of the splats in the middle, and
+/// as much again around them; the few that lie farther away get all light and cast no shadow.
+std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> splats, int size, int oversample,
+                                     std::span<const glm::vec3> lights = {}, const std::function<bool()>& goOn = {});
 
 /// Along the light, centres of other splats nearer to a splat's own than this shade nothing.
 float visibilityBias(std::span<const GaussianGeometry<float>> splats);

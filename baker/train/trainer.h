@@ -36,6 +36,8 @@ public:
         double progress = 0; // [0, 1]: of the bake; what is in use depends on it
         double rate = 1;     // scales all learning rates
     };
+    /// TrainableAppearance::prepareStep: call before a step that one may want to give up.
+    bool prepareStep(double progress, const std::function<bool()>& goOn) { return appearance_->prepareStep(progress, geometry_.activated, goOn); }
     /// One camera under up to kMaxLightsPerStep lights. splatErrors, if given, [count()]: adds the squared error of the object's pixels
     /// before the step, each pixel's shared out among the splats by their blending weights.
     LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, const Moment& moment,

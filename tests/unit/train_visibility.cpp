@@ -89,6 +89,66 @@ TEST_CASE("visibility does not depend on the number of threads and survives odd 
     CHECK(lightVisibility({}, kVisibilitySize, 1).empty());
 }
 
+TEST_CASE("one splat far away does not blur the shadows of all others")
+{
+    auto splats = sphere(1000, 0.7f);
+    splats.push_back(disc({300, 0, 0}, {1, 0, 0}, 0.02f));
+    const std::vector<uint8_t> maps = lightVisibility(splats, kVisibilitySize, 1);
+    double hidden = 0, open = 0;
+    int hiddenCount = 0, openCount = 0;
+    for (int i = 0; i < 1000; i += 37)
+        for (int k = 0; k < 50; ++k) {
+            const glm::vec3 n(fibonacciDirection(i, 1000)), w(fibonacciDirection(k, 50));
+            if (glm::dot(n, w) > 0.5f) open += double(visibility(maps, size_t(i), w)), ++openCount;
+            if (glm::dot(n, w) < -0.5f) hidden += double(visibility(maps, size_t(i), w)), ++hiddenCount;
+        }
+    CHECK(open / openCount > 0.95);
+    CHECK(hidden / hiddenCount < 0.05);
+    CHECK(visibility(maps, 1000, {0, 0, 1}) == 1.0f);
+}
+
+TEST_CASE("drawing visibility asks again and again whether to go on, and gives up when it may not")
+{
+    const auto splats = sphere(200, 1.0f);
+    int asked = 0;
+    const auto whole = lightVisibility(splats, kVisibilitySize, 1, {}, [&] { return ++asked, true; });
+    CHECK(asked > 3);
+    CHECK(whole == lightVisibility(splats, kVisibilitySize, 1));
+    int left = 2;
+    CHECK(lightVisibility(splats, kVisibilitySize, 1, {}, [&] { return left-- > 0; }).empty());
+}
+
+TEST_CASE("what lies behind a lamp does not shade under it; what lies before it does, and other directions stay as they were")
+{
+    std::vector<GaussianGeometry<float>> splats; // ground at height 0, a ceiling at 1, between them a lamp and a small screen at 0.4 over one half
+    const auto sheet = [&](float height, float from, float to) {
+        for (int y = 0; y < 40; ++y)
+            for (int x = 0; x < 40; ++x)
+                splats.push_back(disc({from + (to - from) * (float(x) + 0.5f) / 40, (float(y) + 0.5f) / 20 - 1, height}, {0, 0, 1}, 0.04f));
+    };
+    sheet(0, -1, 1), sheet(1, -1, 1), sheet(0.4f, -0.6f, -0.1f);
+    const glm::vec3 lamps[] = {{0, 0, 0.7f}, {5, 0, 0.5f}}; // the second stands outside and changes nothing
+    const auto without = lightVisibility(splats, kVisibilitySize, 1), with = lightVisibility(splats, kVisibilitySize, 1, lamps);
+    int open = 0, shaded = 0;
+    for (size_t i = 0; i < 1600; ++i) {
+        const glm::vec3 p(splats[i].position[0], splats[i].position[1], splats[i].position[2]), w = lamps[0] - p;
+        if (glm::length(w) > 1) continue; // the lamp's image is coarse there
+        const float x = p.x * 0.3f / 0.7f; // where the ray passes the screen's height
+        if (std::abs(x + 0.6f) < 0.12f || std::abs(x + 0.1f) < 0.12f) continue; // its edges
+        CAPTURE(p.x);
+        CAPTURE(p.y);
+        const bool hidden = x > -0.6f && x < -0.1f;
+        (hidden ? shaded : open) += 1;
+        CHECK(visibility(without, i, w) < 0.1f); // the ceiling
+        if (hidden) CHECK(visibility(with, i, w) < 0.1f);
+        else CHECK(visibility(with, i, w) > 0.9f);
+        CHECK(visibility(with, i, -w) == visibility(without, i, -w));
+    }
+    CHECK(open > 100);
+    CHECK(shaded > 20);
+    CHECK(lightVisibility(splats, kVisibilitySize, 1, std::span(lamps).subspan(1)) == without);
+}
+
 TEST_CASE("normals of wobbling discs are those of the surface, outside where they were said to be")
 {
     Random random(3);

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace nacre {
 
@@ -70,6 +71,7 @@ public:
         const auto with = [&](const char* part) { return std::find(options.without.begin(), options.without.end(), part) == options.without.end(); };
         lobeOn_ = with("lobe"), visibilityOn_ = with("visibility");
         sharing_ = with("sharing"), scheduled_ = with("schedule");
+        nearLights_ = options.pointLights;
         start_ = std::clamp(options.brightness / kUsualBrightness, kLeastStart, 1.0f);
         shared_ = SharedAdam(sharing_ && scheduled_);
         parameters_.sFunctions = bands_.scatter = scatterFunctions_ = with("s") ? options.scatterFunctions : 0; // all in use until beginStep says otherwise
@@ -99,12 +101,20 @@ public:
         neighbours_.clear();
     }
 
+    bool prepareStep(double progress, std::span<const GaussianGeometry<float>> geometry, const std::function<bool()>& goOn) override
+    {
+        const bool renewed = visibilityOn_ && renewalsDue(progress) > renewed_;
+        if (!renewed && (visibilityOn_ || transportStarted_ || progress < kTransportStart)) return true;
+        ahead_ = lightVisibility(geometry, kVisibilitySize, kVisibilityOversample, nearLights_, goOn);
+        return !ahead_.empty();
+    }
+
     void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) override
     {
-        const int due = int(std::upper_bound(std::begin(kVisibilityAt), std::end(kVisibilityAt), progress) - std::begin(kVisibilityAt));
+        const int due = renewalsDue(progress);
         if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > renewed_ && progress < kNormalsUntil))) findNormals(geometry);
         bands_.lobe = lobeOn_ && normalsKnown_;
-        if (visibilityOn_ && due > renewed_) parameters_.visibility = lightVisibility(geometry, kVisibilitySize, kVisibilityOversample);
+        if (visibilityOn_ && due > renewed_) parameters_.visibility = drawnVisibility(geometry);
         renewed_ = due;
         if (!visibilityOn_ && !transportStarted_ && progress >= kTransportStart) startTransport(geometry);
         transportStarted_ = progress >= kTransportStart;
@@ -234,10 +244,21 @@ private:
         normalsKnown_ = true;
     }
 
+    static int renewalsDue(double progress)
+    {
+        return int(std::upper_bound(std::begin(kVisibilityAt), std::end(kVisibilityAt), progress) - std::begin(kVisibilityAt));
+    }
+
+    std::vector<uint8_t> drawnVisibility(std::span<const GaussianGeometry<float>> geometry)
+    {
+        if (!ahead_.empty()) return std::exchange(ahead_, {});
+        return lightVisibility(geometry, kVisibilitySize, kVisibilityOversample, nearLights_);
+    }
+
     // T_dir = visibility times twice the cosine, as spherical harmonics: on an open plane 0.5 in the mean, like the constant before.
     void startTransport(std::span<const GaussianGeometry<float>> geometry)
     {
-        const std::vector<uint8_t> maps = lightVisibility(geometry, kVisibilitySize, kVisibilityOversample);
+        const std::vector<uint8_t> maps = drawnVisibility(geometry);
         const std::vector<glm::vec3> normals = surfaceNormals(geometry);
         tbb::parallel_for(size_t(0), normals.size(), [&](size_t i) {
             float sum[kStartFunctions] = {}, basis[kStartFunctions];
@@ -287,6 +308,8 @@ private:
     std::vector<uint32_t> neighbours_;  // splatNeighbours; empty: splats have changed places
     std::vector<float> shareScratch_;
     bool normalsKnown_ = false, lobeOn_ = true, visibilityOn_ = true, sharing_ = true, scheduled_ = true;
+    std::vector<uint8_t> ahead_;        // visibility, by prepareStep
+    std::vector<glm::vec3> nearLights_; // of training; those that matter are found among them
     bool transportStarted_ = false;     // T_dir has its start
     int renewed_ = 0;                   // how many of kVisibilityAt are done
     BigsBands bands_;

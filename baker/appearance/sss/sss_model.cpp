@@ -65,7 +65,7 @@ struct AdamRate {
 
 class SssModel final : public TrainableAppearance {
 public:
-    explicit SssModel(const AppearanceOptions& options) : nearness_(options.lightDistancesVary)
+    explicit SssModel(const AppearanceOptions& options) : nearLights_(options.pointLights), nearness_(options.lightDistancesVary)
     {
         for (const std::string& part : options.without) leaveOut(part, {});
         const float base = std::clamp(options.brightness, kDarkestStart, kBrightestStart);
@@ -111,14 +111,22 @@ public:
         if (!visibility_.empty()) apply(visibility_, kVisibilityTexels);
     }
 
+    bool prepareStep(double progress, std::span<const GaussianGeometry<float>> geometry, const std::function<bool()>& goOn) override
+    {
+        if (!visibilityOn_ || renewalsDue(progress) <= renewed_) return true;
+        ahead_ = lightVisibility(geometry, kVisibilitySize, 1, nearLights_, goOn);
+        return !ahead_.empty();
+    }
+
     void beginStep(double progress, double rate, int step, const float*,
                    std::span<const GaussianGeometry<float>> geometry) override
     {
         if (frame_[3] == 0) findFrame(geometry);
-        const int due = int(std::upper_bound(std::begin(kRenewAt), std::end(kRenewAt), progress) - std::begin(kRenewAt));
+        const int due = renewalsDue(progress);
         if (due > renewed_) {
             if (progress < kNormalsUntil || renewed_ == 0) findNormals(geometry);
-            if (visibilityOn_) visibility_ = lightVisibility(geometry, kVisibilitySize, 1);
+            if (visibilityOn_) visibility_ = ahead_.empty() ? lightVisibility(geometry, kVisibilitySize, 1, nearLights_) : std::move(ahead_);
+            ahead_.clear();
             renewed_ = due;
         }
         rate_ = float(rate);
@@ -274,6 +282,11 @@ public:
     }
 
 private:
+    static int renewalsDue(double progress)
+    {
+        return int(std::upper_bound(std::begin(kRenewAt), std::end(kRenewAt), progress) - std::begin(kRenewAt));
+    }
+
     // Of all splats, or of those not kept.
     void restartRoughness(std::span<const uint8_t> kept)
     {
@@ -447,12 +460,13 @@ private:
     }
 
     std::vector<Row> row_, momentum_, second_;
-    std::vector<uint8_t> visibility_;
+    std::vector<uint8_t> visibility_, ahead_; // ahead_: by prepareStep
     AlignedVector<Batch> batches_;
     float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
     Row start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
     bool residualOn_ = true, visibilityOn_ = true;
     bool roughnessMayRestart_ = true;   // it has not yet
+    std::vector<glm::vec3> nearLights_; // of training; those that matter are found among them
     bool nearness_;                     // the network is told how near a light is
     SssWeights weights_;
     std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;
