@@ -19,6 +19,7 @@ constexpr size_t kMaxJoinedRows = 64, kMaxJoinedPixels = size_t(1) << 26;
 struct EvalArguments {
     std::string asset, dataset, split = "test", json, images;
     RendererOption renderer;
+    ThreadsOption threads;
     int frames = 50;
 };
 
@@ -57,7 +58,8 @@ static Status writeFigures(const EvalArguments& args, const AssetFile& file, con
                       {"sort_ms", timed(result.times.sortMs)},
                       {"raster_ms", timed(result.times.rasterMs)},
                       {"scattered_share", scattered ? Json(*scattered) : Json(nullptr)},
-                      {"drawn_by", drawnBy}},
+                      {"drawn_by", drawnBy},
+                      {"skipped", skippedJson(result.skipped)}},
                      args.json);
 }
 
@@ -73,6 +75,7 @@ static Status writeJoinedSheet(const std::string& folder, const std::vector<Pict
 static Status runEval(const EvalArguments& args)
 {
     const std::atomic<bool>& stop = catchStopSignals();
+    const auto threads = limitThreads(args.threads.count);
     if (Status s = checkWritable(args.json); !s) return s;
     const auto file = openAsset(args.asset);
     if (!file) return file.error();
@@ -88,6 +91,7 @@ static Status runEval(const EvalArguments& args)
     ImageCache references(*dataset, size_t(64) << 20); // each image is looked at once
     std::vector<Picture> rows; // the first few, for the joined sheet
     size_t rowPixels = 0;
+    bool full = false;
     Progress progress;
     const auto start = std::chrono::steady_clock::now();
     const auto done = [&](const EvalImage& image) -> Status {
@@ -96,8 +100,8 @@ static Status runEval(const EvalArguments& args)
             Picture row = contactRow(image.reference, image.render);
             if (Status s = writeImages(args.images, image, row); !s) return s;
             rowPixels += size_t(row.width) * size_t(row.height);
-            if (rows.size() == image.index && rows.size() < kMaxJoinedRows && (rows.empty() || rowPixels <= kMaxJoinedPixels))
-                rows.push_back(std::move(row));
+            full = full || rows.size() == kMaxJoinedRows || (!rows.empty() && rowPixels > kMaxJoinedPixels);
+            if (!full) rows.push_back(std::move(row));
         }
         const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         const size_t n = image.index + 1;
@@ -107,16 +111,19 @@ static Status runEval(const EvalArguments& args)
     const auto result = evaluate(**split, references, **renderer, {args.frames}, done);
     progress.clear();
     if (!result) return result.error();
+    for (const UnusableImage& image : result->skipped) warn("skipped: " + image.why);
+    if (!result->skipped.empty())
+        warn(format("%zu of %zu images of split '%s' are skipped: the figures are of the rest", result->skipped.size(), (*split)->images.size(), args.split.c_str()));
 
-    const auto scattered = scatteredShare(**split, **renderer);
+    const auto scattered = scatteredShare(**split, *result, **renderer);
     if (!scattered) return scattered.error();
 
     const size_t splats = file->asset.cloud.count, bytes = file->bytes.size();
     const double perSplat = double(bytes) / double(splats);
     std::printf("%6s  %6s  %6s  %7s  %7s  %8s  %s\n", "image", "psnr", "masked", "ssim", "flip", "rel_mse", "reference");
     for (size_t i = 0; i < result->images.size(); ++i)
-        printRow(format("%04zu", i).c_str(), result->images[i], (*split)->images[i].path);
-    printRow("mean", result->mean, "split '" + args.split + "', renderer " + args.renderer.name);
+        printRow(format("%04zu", result->indices[i]).c_str(), result->images[i], (*split)->images[result->indices[i]].path);
+    printRow("mean", result->mean, format("%zu images of split '%s', renderer %s", result->images.size(), args.split.c_str(), args.renderer.name.c_str()));
     std::printf("%zu splats, %zu bytes (%.1f per splat), drawn by %s\n", splats, bytes, perSplat, (*renderer)->description().c_str());
     if (*scattered) std::printf("%.1f %% of the light has travelled beneath the surface (residual), the rest was reflected\n", 100 * **scattered);
     const RenderTimes& t = result->times;
@@ -136,6 +143,7 @@ Action addEval(CLI::App& app)
     sub->add_option("DATASET", args->dataset, "OLAT dataset: its folder or a transforms file")->required();
     sub->add_option("--split", args->split, "Split of the dataset: test, train, near, directional, environment, all_on")->capture_default_str();
     args->renderer.addTo(*sub);
+    args->threads.addTo(*sub);
     sub->add_option("--frames", args->frames, "Frames to time after 10 for warming up; 0: no timing")
         ->check(wholeNumber(0, 100000))->capture_default_str();
     sub->add_option("--json", args->json, "Write the means to this file");

@@ -1,22 +1,12 @@
 #include "eval/components.h"
 
+#include <algorithm>
+
 namespace nacre {
 
-static Result<double> totalLuminance(const OlatSplit& split, SplatRenderer& renderer)
-{
-    double sum = 0;
-    for (const OlatImage& source : split.images) {
-        const auto lights = rendererLights(source.light);
-        if (!lights) return lights.error();
-        const auto image = renderer.render(split.cameras[source.camera], *lights);
-        if (!image) return image.error();
-        for (size_t i = 0; i < image->rgba.size(); i += 4)
-            sum += 0.2126 * double(image->rgba[i]) + 0.7152 * double(image->rgba[i + 1]) + 0.0722 * double(image->rgba[i + 2]);
-    }
-    return sum;
-}
+constexpr size_t kMostImages = 16; // the share of a material hardly depends on the view
 
-Result<std::optional<double>> scatteredShare(const OlatSplit& split, SplatRenderer& renderer)
+Result<std::optional<double>> scatteredShare(const OlatSplit& split, const EvalResult& evaluated, SplatRenderer& renderer)
 {
     SplatEdit none;
     none.target = EditTarget::kResidual;
@@ -25,12 +15,20 @@ Result<std::optional<double>> scatteredShare(const OlatSplit& split, SplatRender
         if (s.error().code == ErrorCode::kUnsupported) return std::optional<double>();
         return s.error();
     }
-    const auto surface = totalLuminance(split, renderer);
+    double all = 0, surface = 0;
+    Status drawn = ok();
+    const size_t count = std::min(evaluated.indices.size(), kMostImages);
+    for (size_t k = 0; k < count && drawn; ++k) {
+        const size_t i = k * evaluated.indices.size() / count;
+        const OlatImage& source = split.images[evaluated.indices[i]];
+        const auto lights = rendererLights(source.light);
+        const auto image = lights ? renderer.render(split.cameras[source.camera], *lights) : lights.error();
+        if (!image) drawn = image.error();
+        else all += evaluated.luminance[i], surface += totalLuminance(*image);
+    }
     if (Status s = renderer.setEdits({}); !s) return s.error();
-    if (!surface) return surface.error();
-    const auto all = totalLuminance(split, renderer);
-    if (!all) return all.error();
-    return std::optional<double>(*all > 0 ? (*all - *surface) / *all : 0.0);
+    if (!drawn) return drawn.error();
+    return std::optional<double>(all > 0 ? (all - surface) / all : 0.0);
 }
 
 } // namespace nacre

@@ -7,8 +7,8 @@
 
 namespace nacre {
 
-/// Share of the radiance (luminance, summed over a split) that the residual gives, 0 to 1: the split is drawn with and without it. Empty if
-/// the asset's model does not tell them apart. Edits of the renderer are cleared.
-Result<std::optional<double>> scatteredShare(const OlatSplit& split, SplatRenderer& renderer);
+/// Share of the radiance (luminance, summed over up to 16 evenly spread images of an evaluation) that the residual gives, 0 to 1: only these
+/// are drawn again, without it. Empty if the asset's model does not tell them apart. Edits of the renderer are cleared.
+Result<std::optional<double>> scatteredShare(const OlatSplit& split, const EvalResult& evaluated, SplatRenderer& renderer);
 
 } // namespace nacre

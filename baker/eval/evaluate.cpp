@@ -19,6 +19,14 @@ Result<std::vector<Light>> rendererLights(const Light& light)
     return expandEnvironment(light, kEnvironmentDirections);
 }
 
+double totalLuminance(const Image& image)
+{
+    double sum = 0;
+    for (size_t i = 0; i < image.rgba.size(); i += 4)
+        sum += 0.2126 * double(image.rgba[i]) + 0.7152 * double(image.rgba[i + 1]) + 0.0722 * double(image.rgba[i + 2]);
+    return sum;
+}
+
 Result<EvalResult> evaluate(const OlatSplit& split, ImageCache& references, SplatRenderer& renderer, const EvalOptions& options,
                             const std::function<Status(const EvalImage&)>& done)
 {
@@ -26,30 +34,36 @@ Result<EvalResult> evaluate(const OlatSplit& split, ImageCache& references, Spla
     if (count == 0) return Error{ErrorCode::kBadInput, "split '" + split.name + "' has no images; nothing to evaluate"};
     EvalResult result;
     result.psnrMin = std::numeric_limits<double>::infinity();
+    const BlackFrames black(split);
     for (size_t i = 0; i < count; ++i) {
         const OlatImage& source = split.images[i];
         const Camera& camera = split.cameras[source.camera];
         const auto lights = rendererLights(source.light);
         if (!lights) return lights.error();
         const auto reference = references.load(split, i);
-        if (!reference) return reference.error();
+        if (!reference || black.has(source, **reference)) {
+            result.skipped.push_back({source.path, reference ? source.path + ": the image is black, although its light is on the camera's side of the object" : reference.error().message});
+            if (Status s = fewUnusable(result.skipped, count, split.name); !s) return s.error();
+            continue;
+        }
         const auto render = renderer.render(camera, *lights);
         if (!render) return render.error();
 
         const ImageMetrics metrics = compareImages(*render, **reference);
         if (!std::isfinite(metrics.psnr) || !std::isfinite(metrics.relMseLinear)) // a loaded reference is finite
             return Error{ErrorCode::kGpu, "the renderer (" + renderer.description() + ") gave NaN or infinite pixels for '" + source.path + "'"};
-        result.images.push_back(metrics);
+        result.indices.push_back(i), result.images.push_back(metrics), result.luminance.push_back(totalLuminance(*render));
         result.psnrMin = std::min(result.psnrMin, metrics.psnr);
-        for (auto figure : kFigures) result.mean.*figure += metrics.*figure / double(count);
+        for (auto figure : kFigures) result.mean.*figure += metrics.*figure;
         if (const Status status = done({i, count, source, **reference, *render, metrics}); !status) return status.error();
 
-        if (i == 0 && options.timedFrames > 0) {
+        if (result.images.size() == 1 && options.timedFrames > 0) {
             const auto times = renderer.time(camera, *lights, kEvalWarmupFrames, options.timedFrames);
             if (!times) return times.error();
             result.times = *times;
         }
     }
+    for (auto figure : kFigures) result.mean.*figure /= double(std::max<size_t>(result.images.size(), 1));
     return result;
 }
 

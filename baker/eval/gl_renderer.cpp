@@ -78,9 +78,17 @@ public:
     Result<Image> render(const Camera& camera, std::span<const Light> lights) override
     {
         gl_->makeCurrent();
-        if (Status s = setLights(lights); !s) return s.error();
-        if (Status s = draw(camera); !s) return s.error();
-        return gl_->readFrame();
+        Image sum;
+        for (const std::span<const Light> some : inTurns(lights)) {
+            if (Status s = setLights(some); !s) return s.error();
+            if (Status s = draw(camera); !s) return s.error();
+            Image image = gl_->readFrame();
+            if (sum.rgba.empty()) sum = std::move(image);
+            else
+                for (size_t i = 0; i < sum.rgba.size(); ++i)
+                    if (i % 4 < 3) sum.rgba[i] += image.rgba[i]; // light adds up, coverage is what it was
+        }
+        return sum;
     }
 
     Result<RenderTimes> time(const Camera& camera, std::span<const Light> lights, int warmup, int frames) override
@@ -98,17 +106,21 @@ public:
             for (Light& light : moved) light.intensity *= nudge;
             Camera seen = camera;
             if (nudge != 1.0f) seen.worldFromCamera[3] += step * camera.worldFromCamera[2];
-            status = setLights(moved);
-            if (status) status = draw(seen);
-            NacreDrawStats stats{};
-            stats.structSize = sizeof stats;
-            if (status) status = check(nacreAssetGetDrawStats(asset_, &stats));
-            if (i >= 0 && status && !stats.sorted) status = Error{ErrorCode::kGpu, "a timed frame was not drawn afresh; move the camera closer"};
+            RenderTimes times; // of all turns
+            bool sorted = false;
+            for (const std::span<const Light> some : inTurns(moved)) {
+                NacreDrawStats stats{};
+                stats.structSize = sizeof stats;
+                if (status) status = setLights(some);
+                if (status) status = draw(seen);
+                if (status) status = check(nacreAssetGetDrawStats(asset_, &stats));
+                sorted = sorted || stats.sorted;
+                times.relightMs += 1e3 * stats.relightSeconds, times.sortMs += 1e3 * stats.sortSeconds, times.rasterMs += 1e3 * stats.rasterSeconds;
+            }
+            if (i >= 0 && status && !sorted) status = Error{ErrorCode::kGpu, "a timed frame was not drawn afresh; move the camera closer"};
             if (i < warmup) continue;
-            relight.push_back(1e3 * stats.relightSeconds);
-            sort.push_back(1e3 * stats.sortSeconds);
-            raster.push_back(1e3 * stats.rasterSeconds);
-            frame.push_back(relight.back() + sort.back() + raster.back());
+            relight.push_back(times.relightMs), sort.push_back(times.sortMs), raster.push_back(times.rasterMs);
+            frame.push_back(times.relightMs + times.sortMs + times.rasterMs);
         }
         nacreContextSetProfiling(context_, 0);
         if (!status) return status.error();
@@ -133,9 +145,20 @@ public:
         return check(nacreAssetSetEdits(asset_, converted.data(), converted.size()));
     }
 
-    std::string description() const override { return gl_->description(); }
+    std::string description() const override { return gl_->description() + (gl_->isSoftware() ? ", software on the CPU" : ""); }
 
 private:
+    /// What the runtime takes at once. At least one part, which may be empty.
+    static std::vector<std::span<const Light>> inTurns(std::span<const Light> lights)
+    {
+        std::vector<std::span<const Light>> parts;
+        do {
+            parts.push_back(lights.first(std::min<size_t>(lights.size(), NACRE_MAX_LIGHTS)));
+            lights = lights.subspan(parts.back().size());
+        } while (!lights.empty());
+        return parts;
+    }
+
     static void keepMessage(NacreSeverity severity, const char* text, void* user)
     {
         if (severity == NACRE_ERROR) *static_cast<std::string*>(user) = text;

@@ -1,5 +1,5 @@
-// EGL without a surface: Mesa's surfaceless platform first (software or any Mesa driver, needs no device node), else each EGL device
-// (NVIDIA). The only file that knows EGL.
+// EGL without a surface: the first GPU among the EGL devices, else Mesa's surfaceless platform (any Mesa driver, or software; needs no device
+// node), else a software device. The only file that knows EGL.
 #include "eval/headless_gl.h"
 
 #include <EGL/egl.h>
@@ -7,6 +7,7 @@
 #include <GL/glcorearb.h>
 
 #include <algorithm>
+#include <cstring>
 #include <vector>
 
 namespace nacre {
@@ -32,20 +33,41 @@ struct HeadlessGl::Impl {
 template <class Function>
 static Function eglFunction(const char* name) { return reinterpret_cast<Function>(eglGetProcAddress(name)); }
 
+struct Candidate {
+    EGLDisplay display = EGL_NO_DISPLAY;
+    bool software = false; // known to be, before a context is made
+};
+
 /// Displays worth trying, best first.
-static std::vector<EGLDisplay> candidateDisplays()
+static std::vector<Candidate> candidateDisplays()
 {
-    std::vector<EGLDisplay> displays;
+    std::vector<Candidate> hardware, rest;
     const auto getDisplay = eglFunction<PFNEGLGETPLATFORMDISPLAYEXTPROC>("eglGetPlatformDisplayEXT");
-    if (!getDisplay) return displays;
-    displays.push_back(getDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
+    if (!getDisplay) return hardware;
+    rest.push_back({getDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr)});
     const auto queryDevices = eglFunction<PFNEGLQUERYDEVICESEXTPROC>("eglQueryDevicesEXT");
+    const auto queryString = eglFunction<PFNEGLQUERYDEVICESTRINGEXTPROC>("eglQueryDeviceStringEXT");
     EGLDeviceEXT devices[16];
     EGLint count = 0;
     if (queryDevices && queryDevices(16, devices, &count))
-        for (EGLint i = 0; i < count; ++i) displays.push_back(getDisplay(EGL_PLATFORM_DEVICE_EXT, devices[i], nullptr));
-    std::erase(displays, EGL_NO_DISPLAY);
-    return displays;
+        for (EGLint i = 0; i < count; ++i) {
+            const char* extensions = queryString ? queryString(devices[i], EGL_EXTENSIONS) : nullptr;
+            const bool software = extensions && std::strstr(extensions, "EGL_MESA_device_software");
+            (software ? rest : hardware).push_back({getDisplay(EGL_PLATFORM_DEVICE_EXT, devices[i], nullptr), software});
+        }
+    hardware.insert(hardware.end(), rest.begin(), rest.end());
+    std::erase_if(hardware, [](const Candidate& c) { return c.display == EGL_NO_DISPLAY; });
+    return hardware;
+}
+
+/// By the name of the renderer of the current context.
+static bool drawsInSoftware()
+{
+    const auto getString = eglFunction<PFNGLGETSTRINGPROC>("glGetString");
+    const char* name = getString ? reinterpret_cast<const char*>(getString(GL_RENDERER)) : nullptr;
+    for (const char* software : {"llvmpipe", "softpipe", "swrast", "Software Rasterizer", "SwiftShader"})
+        if (!name || std::strstr(name, software)) return true;
+    return false;
 }
 
 /// A current GL 3.3 core context without surface, or EGL_NO_CONTEXT.
@@ -67,11 +89,16 @@ Result<std::unique_ptr<HeadlessGl>> HeadlessGl::create()
 {
     std::unique_ptr<HeadlessGl> self(new HeadlessGl);
     Impl& gl = *self->impl_;
-    const std::vector<EGLDisplay> displays = candidateDisplays();
-    for (size_t i = 0; i < displays.size() && gl.context == EGL_NO_CONTEXT; ++i) {
-        gl.display = displays[i];
-        gl.context = makeContext(displays[i]);
+    const std::vector<Candidate> displays = candidateDisplays();
+    for (const Candidate& candidate : displays) {
+        if (gl.context != EGL_NO_CONTEXT && (candidate.software || !self->software_)) continue;
+        const EGLContext context = makeContext(candidate.display);
+        if (context == EGL_NO_CONTEXT) continue;
+        const bool software = drawsInSoftware();
+        if (gl.context != EGL_NO_CONTEXT) eglDestroyContext(software ? candidate.display : gl.display, software ? context : gl.context);
+        if (gl.context == EGL_NO_CONTEXT || !software) gl.display = candidate.display, gl.context = context, self->software_ = software;
     }
+    if (gl.context != EGL_NO_CONTEXT) self->makeCurrent();
     if (gl.context == EGL_NO_CONTEXT)
         return Error{ErrorCode::kGpu, "no headless OpenGL 3.3 core context: tried " + std::to_string(displays.size()) +
                                           " EGL displays (surfaceless, devices); install libegl1 and libgl1-mesa-dri, or use "

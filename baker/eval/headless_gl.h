@@ -12,7 +12,7 @@ namespace nacre {
 
 class HeadlessGl {
 public:
-    /// Makes a context and makes it current on this thread. Error kGpu says what is missing.
+    /// Makes a context and makes it current on this thread: on a GPU if there is one, else in software. Error kGpu says what is missing.
     static Result<std::unique_ptr<HeadlessGl>> create();
     ~HeadlessGl();
     HeadlessGl(const HeadlessGl&) = delete;
@@ -25,6 +25,7 @@ public:
     Image readFrame();
     /// e.g. "llvmpipe (LLVM 15.0.6, 256 bits), GL 4.5"
     const std::string& description() const { return description_; }
+    bool isSoftware() const { return software_; }
 
     /// For NacreContextDesc; `user` is unused.
     static void* getProcAddress(const char* name, void* user);
@@ -34,6 +35,7 @@ private:
     HeadlessGl();
     std::unique_ptr<Impl> impl_;
     std::string description_;
+    bool software_ = false;
 };
 
 } // namespace nacre

@@ -188,6 +188,26 @@ TEST_CASE("the GL renderer of the tools draws the reference image, top row first
     CHECK_FALSE((*renderer)->render(offCentre(), {{environment}}));
 }
 
+TEST_CASE("the GL renderer of the tools draws under more lights than the runtime takes at once")
+{
+    if (!haveGl()) return;
+    const SplatAsset asset = randomAsset(100, 4, 13);
+    const auto bytes = encodeAsset(asset);
+    REQUIRE(bytes);
+    const auto renderer = makeGlRenderer(*bytes);
+    REQUIRE(renderer);
+    std::vector<Light> lights;
+    for (size_t i = 0; i < 2 * NACRE_MAX_LIGHTS + 3; ++i) {
+        lights.push_back(kMixedLights[i % kMixedLights.size()]);
+        lights.back().position += 0.001f * float(i), lights.back().intensity /= 200.0f;
+    }
+    const auto image = (*renderer)->render(offCentre(), lights);
+    REQUIRE(image);
+    CHECK(psnr(*image, referenceImage(asset, offCentre(), lights)) > 60.0);
+    CHECK((*renderer)->time(offCentre(), lights, 1, 2));
+    CHECK((*renderer)->render(offCentre(), {})); // none at all
+}
+
 TEST_CASE("the GL renderer and the reference renderer of the tools agree on 2000 splats with the full s and all channels")
 {
     if (!haveGl()) return;

@@ -1,0 +1,90 @@
+#include "train/image_screen.h"
+
+#include "splat/visual_hull.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <optional>
+#include <set>
+
+namespace nacre {
+
+constexpr float kBlack = 1.5e-4f;      // below half a step of an 8-bit display
+constexpr double kLitSide = 0.2;       // cosine at the object between camera and light: from there some lit surface is always seen
+constexpr size_t kAtOnceBytes = size_t(1) << 30, kMostAtOnce = 64; // what is decoded between two looks at the clock
+
+static bool isBlack(const Image& image)
+{
+    for (size_t i = 0; i < image.rgba.size(); i += 4)
+        if (std::max({image.rgba[i], image.rgba[i + 1], image.rgba[i + 2]}) > kBlack) return false;
+    return true;
+}
+
+BlackFrames::BlackFrames(const OlatSplit& split) : split_(split)
+{
+    float centre[3] = {}, halfSize = 0;
+    if (!split.cameras.empty()) frameCube(split.cameras, centre, &halfSize);
+    centre_ = {centre[0], centre[1], centre[2]};
+}
+
+bool BlackFrames::has(const OlatImage& entry, const Image& image) const
+{
+    const Light& light = entry.light;
+    if (light.isPunctual()) {
+        const glm::dvec3 toEye = split_.cameras[entry.camera].position() - centre_;
+        const glm::dvec3 toLight = light.type == LightType::kPoint ? glm::dvec3(light.position) - centre_ : glm::dvec3(light.directionToLight);
+        if (light.intensity == glm::vec3(0.0f) || !(glm::dot(toEye, toLight) > kLitSide * glm::length(toEye) * glm::length(toLight))) return false;
+    }
+    return isBlack(image);
+}
+
+Status fewUnusable(const std::vector<UnusableImage>& unusable, size_t count, const std::string& split)
+{
+    if (3 * unusable.size() <= count) return ok();
+    return Error{ErrorCode::kBadInput, std::to_string(unusable.size()) + " of " + std::to_string(count) + " images of split '" + split +
+                                           "' cannot be used, more than a third; the first: " + unusable[0].why};
+}
+
+Result<std::vector<UnusableImage>> unusableImages(const OlatDataset& dataset, const OlatSplit& split,
+                                                  const std::function<void(size_t, size_t)>& progress, const std::atomic<bool>* cancel)
+{
+    std::vector<size_t> used;
+    for (size_t i = 0; i < split.images.size(); ++i)
+        if (split.images[i].light.isPunctual()) used.push_back(i);
+    size_t largest = 1; // bytes of one image, twice: decoders work beside what they return
+    for (const Camera& camera : split.cameras)
+        largest = std::max(largest, size_t(std::max(camera.width, 1)) * size_t(std::max(camera.height, 1)) * 8 * sizeof(float) * size_t(dataset.shrink * dataset.shrink));
+    const size_t atOnce = std::clamp<size_t>(kAtOnceBytes / largest, 1, kMostAtOnce);
+
+    ImageCache files(dataset, 0); // each is looked at once
+    const BlackFrames black(split);
+    std::vector<std::string> fault(used.size());
+    for (size_t first = 0; first < used.size(); first += atOnce) {
+        if (cancel && cancel->load()) return Error{ErrorCode::kCancelled, "cancelled before training started"};
+        if (progress) progress(first, used.size());
+        tbb::parallel_for(first, std::min(first + atOnce, used.size()), [&](size_t k) {
+            const OlatImage& entry = split.images[used[k]];
+            const auto image = files.load(split, used[k]);
+            if (!image) fault[k] = image.error().message;
+            else if (black.has(entry, **image)) fault[k] = entry.path + ": the image is black, although its light is on the camera's side of the object";
+        });
+    }
+    std::vector<UnusableImage> out;
+    for (size_t k = 0; k < used.size(); ++k)
+        if (!fault[k].empty()) out.push_back({split.images[used[k]].path, fault[k]});
+    if (Status s = fewUnusable(out, used.size(), split.name); !s) return s.error();
+    return out;
+}
+
+OlatDataset without(OlatDataset dataset, const std::string& split, const std::vector<UnusableImage>& unusable)
+{
+    if (unusable.empty()) return dataset;
+    std::set<std::string> paths;
+    for (const UnusableImage& u : unusable) paths.insert(u.path);
+    for (OlatSplit& s : dataset.splits)
+        if (s.name == split) std::erase_if(s.images, [&](const OlatImage& image) { return paths.count(image.path) > 0; });
+    return dataset;
+}
+
+} // namespace nacre
