@@ -5,27 +5,24 @@
 #include "asset/asset_io.h"
 #include "base/file.h"
 #include "pack/neutral_look.h"
+#include "peak_memory.h"
+#include "train/checkpoint.h"
 #include "train/choose_model.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <sys/resource.h>
+#include <limits>
 
 namespace nacre::cli {
 
 struct BakeArguments {
     std::string dataset, output, device = "auto", json;
+    bool restart = false;
     BakeOptions options;
+    std::string trialsPath() const { return output + ".trials"; } // of --model auto; what it has tried
 };
-
-static size_t peakRssBytes()
-{
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    return size_t(usage.ru_maxrss) * 1024; // Linux counts in KiB
-}
 
 static std::string progressText(const BakeProgress& p)
 {
@@ -41,14 +38,101 @@ static std::string progressText(const BakeProgress& p)
     return text;
 }
 
-/// What a user can still do when the bake was stopped or the disk failed. After other errors the same command would fail again.
-static Error withResumeHint(Error error, const std::string& checkpoint)
+static bool exists(const std::string& path)
 {
     std::error_code ignored;
+    return std::filesystem::exists(path, ignored);
+}
+
+/// What a user can still do when the bake was stopped or the disk failed. After other errors the same command would fail again.
+static Error withResumeHint(Error error, const BakeArguments& args)
+{
     const bool canGoOn = error.code == ErrorCode::kCancelled || error.code == ErrorCode::kIo;
-    if (canGoOn && std::filesystem::exists(checkpoint, ignored))
-        error.message += "; the checkpoint is '" + checkpoint + "': give the same command with --resume to go on";
+    for (const std::string& left : {args.options.checkpointPath, args.trialsPath()}) {
+        if (!canGoOn || !exists(left)) continue;
+        error.message += "; the checkpoint is '" + left + "': give the same command with --resume to go on";
+        break;
+    }
     return error;
+}
+
+/// What an interrupted bake has left is hours of work: it is neither overwritten nor continued unless the user says so.
+static Status checkLeftovers(const BakeArguments& args)
+{
+    const std::string &checkpoint = args.options.checkpointPath, trials = args.trialsPath();
+    if (args.restart) return ok();
+    if (!args.options.resume) {
+        for (const std::string& left : {checkpoint, trials})
+            if (exists(left))
+                return Error{ErrorCode::kBadInput, "'" + left + "' is left from a bake that was interrupted: --resume goes on with it, --restart discards it"};
+        return ok();
+    }
+    if (!exists(checkpoint) && !exists(trials))
+        return Error{ErrorCode::kBadInput, "--resume: there is no checkpoint '" + checkpoint + "'; leave --resume out to start anew"};
+    if (args.options.model == "auto" && !exists(trials))
+        return Error{ErrorCode::kBadInput, "--resume: the bake of '" + checkpoint + "' was told which model to use; name it, too, instead of --model auto"};
+    if (args.options.model != "auto" && exists(trials))
+        return Error{ErrorCode::kBadInput, "--resume: the interrupted bake chose its model itself ('" + trials + "'); give --model auto as then"};
+    return ok();
+}
+
+/// The training images that the bake has to do without: as the interrupted bake found, or as they are now.
+static Result<std::vector<UnusableImage>> findSkipped(const BakeArguments& args, const OlatDataset& dataset, const OlatSplit& train,
+                                                      Progress& progress, const std::atomic<bool>& stop)
+{
+    const std::string& left = exists(args.options.checkpointPath) ? args.options.checkpointPath : args.trialsPath();
+    if (!args.options.resume) {
+        const auto show = [&](size_t done, size_t all) { progress.show(format("checking images %zu/%zu", done, all)); };
+        return unusableImages(dataset, train, show, &stop);
+    }
+    const auto bytes = readFile(left, std::numeric_limits<size_t>::max());
+    if (!bytes) return bytes.error();
+    auto skipped = skippedImages(*bytes);
+    if (left == args.trialsPath()) {
+        auto trials = decodeTrials(*bytes);
+        skipped = trials ? Result<std::vector<UnusableImage>>(trials->skipped) : trials.error();
+    }
+    if (!skipped) return Error{skipped.error().code, left + ": " + skipped.error().message};
+    return skipped;
+}
+
+static void warnOfImages(const std::vector<UnusableImage>& images, size_t all, const char* what)
+{
+    constexpr size_t kNamed = 10; // the rest is in --json
+    if (images.empty()) return;
+    for (size_t i = 0; i < std::min(images.size(), kNamed); ++i) warn(format("%s: ", what) + images[i].why);
+    warn(format("%zu of %zu training images %s", images.size(), all, what) +
+         (images.size() > kNamed ? format(", %zu of them named above", kNamed) : std::string()));
+}
+
+/// --model auto: tries the models, or those that an interrupted bake has not tried, and says what to go on with.
+static Result<BakeOptions> chooseModel(const BakeArguments& args, const OlatDataset& dataset, const OlatSplit& train,
+                                       const std::function<void(const BakeProgress&)>& show, const std::atomic<bool>& stop)
+{
+    const std::string identity = bakeIdentity(dataset, train, args.options);
+    TrialRecord record{args.options.skipped, {}};
+    if (args.options.resume) {
+        const auto bytes = readFile(args.trialsPath());
+        if (!bytes) return bytes.error();
+        auto read = decodeTrials(*bytes);
+        if (Status s = checkTrials(*bytes, identity); !s || !read) return Error{s.error().code, args.trialsPath() + ": " + s.error().message};
+        record = std::move(*read);
+    }
+    const auto keep = [&](const std::vector<ModelTrial>& trials) {
+        record.trials = trials;
+        return writeFileAtomically(args.trialsPath(), encodeTrials(identity, record));
+    };
+    if (Status s = keep(record.trials); !s) return s.error();
+    const auto trials = tryModels(dataset, args.options, record.trials, keep, show, &stop);
+    if (!trials) return trials.error();
+    for (const ModelTrial& t : *trials)
+        std::printf("trial of %s: %.2f dB (masked, cameras that it did not see)\n", t.model.c_str(), t.psnrMasked);
+    BakeOptions options = restOf(args.options);
+    options.model = trials->front().model;
+    options.resume = args.options.resume && exists(options.checkpointPath);
+    std::printf("going on with --model %s%s\n", options.model.c_str(),
+                options.minutes > 0 ? format(" --minutes %g", options.minutes).c_str() : "");
+    return options;
 }
 
 static Json historyJson(const std::vector<HistoryPoint>& history)
@@ -122,43 +206,48 @@ static Status runBake(BakeArguments args)
     if (Status s = checkWritable(args.json); !s) return s;
     BakeOptions& options = args.options;
     options.checkpointPath = args.output + ".ckpt";
-    if (options.resume && !std::filesystem::exists(options.checkpointPath))
-        return Error{ErrorCode::kBadInput,
-                     "--resume: there is no checkpoint '" + options.checkpointPath + "'; leave --resume out to start anew"};
-
+    if (Status s = checkLeftovers(args); !s) return s;
     for (const std::string& path : {args.output, options.checkpointPath}) removeAbandonedTemporaries(path);
 
+    const auto begun = std::chrono::steady_clock::now();
+    const auto threads = limitThreads(options.threads);
     const std::atomic<bool>& stop = catchStopSignals();
-    const auto dataset = openDataset(args.dataset);
+    Progress progress;
+    auto dataset = openDataset(args.dataset);
     if (!dataset) return dataset.error();
-    if (const auto train = findSplit(*dataset, "train"); !train) return train.error();
+    auto train = findSplit(*dataset, "train");
+    if (!train) return train.error();
+    const size_t imageCount = (*train)->images.size();
+    auto skipped = findSkipped(args, *dataset, **train, progress, stop);
+    progress.clear();
+    if (!skipped) return skipped.error();
+    warnOfImages(*skipped, imageCount, "skipped");
+    options.skipped = std::move(*skipped);
+    *dataset = without(std::move(*dataset), "train", options.skipped);
+    train = findSplit(*dataset, "train");
     {
         ImageCache images(*dataset, size_t(64) << 20);
         const auto suspicions = checkConventions(*dataset, images);
         if (!suspicions) return suspicions.error();
         for (const std::string& line : *suspicions) warn(line);
     }
-    // a held-out evaluation costs time of the bake, so it runs only for who asked to see its history
-    options.trackHeldOut = !args.json.empty() && dataset->find("test");
+    if (!args.json.empty() && dataset->find("test")) options.track = BakeOptions::Track::kNowAndThen;
+    options.secondsBefore = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    std::error_code ignored;
+    if (args.restart)
+        for (const std::string& left : {options.checkpointPath, args.trialsPath()}) std::filesystem::remove(left, ignored);
 
-    Progress progress;
     const auto show = [&](const BakeProgress& p) { progress.show(progressText(p)); };
     if (options.model == "auto") {
-        if (options.resume)
-            return Error{ErrorCode::kBadInput, "--resume with --model auto: name the model that the first call has chosen"};
-        const auto trials = tryModels(*dataset, options, show, &stop);
+        auto chosen = chooseModel(args, *dataset, **train, show, stop);
         progress.clear();
-        if (!trials) return trials.error();
-        for (const ModelTrial& t : *trials)
-            std::printf("trial of %s: %.2f dB (masked, cameras that it did not see)\n", t.model.c_str(), t.psnrMasked);
-        options = restOf(options);
-        options.model = trials->front().model;
-        std::printf("going on with --model %s%s\n", options.model.c_str(),
-                    options.minutes > 0 ? format(" --minutes %g", options.minutes).c_str() : "");
+        if (!chosen) return withResumeHint(chosen.error(), args);
+        options = std::move(*chosen);
     }
     auto result = bake(*dataset, options, show, &stop);
     progress.clear();
-    if (!result) return withResumeHint(result.error(), options.checkpointPath);
+    if (!result) return withResumeHint(result.error(), args);
+    warnOfImages(result->lost, imageCount, "lost on the way");
     for (const std::string& line : result->warnings) warn(line);
     std::vector<Light> lights;
     for (const OlatImage& image : dataset->find("train")->images) lights.push_back(image.light);
@@ -166,19 +255,22 @@ static Status runBake(BakeArguments args)
     if (!neutral) return neutral.error();
     result->asset.neutral = std::move(*neutral);
     result->asset.bakedWith = "nacre " NACRE_VERSION_STRING ", " + result->asset.bakedWith;
-    if (Status s = writeAsset(result->asset, args.output); !s) return withResumeHint(s.error(), options.checkpointPath);
-    std::error_code ignored;
-    std::filesystem::remove(options.checkpointPath, ignored);
+    if (Status s = writeAsset(result->asset, args.output); !s) return withResumeHint(s.error(), args);
+    for (const std::string& done : {options.checkpointPath, args.trialsPath()}) std::filesystem::remove(done, ignored);
 
-    const size_t splats = result->asset.cloud.count, bytes = fileBytes(args.output), peak = peakRssBytes();
+    const size_t splats = result->asset.cloud.count, bytes = fileBytes(args.output), peak = peakMemoryBytes();
     std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat)\n", args.output.c_str(), result->asset.model.c_str(),
                 splats, bytes, double(bytes) / double(splats));
     std::printf("%d iterations in %.1f s on the cpu%s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations,
                 result->seconds, args.device == "auto" ? " (auto: no CUDA baker in this build)" : "", result->psnrTrain,
                 double(peak) / 1048576.0);
-    if (options.iterations <= 0 && options.minutes > 0 && result->iterations >= bakeIterations(options))
-        std::printf("all %d steps of --quality %s are made: more would only fit noise (--iterations insists)\n",
-                    result->iterations, options.quality.c_str());
+    const double saturated = saturation(result->iterations, options, *dataset);
+    if (options.iterations <= 0 && options.minutes > 0 && result->iterations >= bakeIterations(options, *dataset))
+        std::printf("all %d steps that --quality %s makes of these images are made%s (--iterations insists)\n", result->iterations,
+                    options.quality.c_str(), saturated >= 0.99 ? ": more would only fit noise" : "");
+    else if (options.iterations <= 0 && saturated < 0.25)
+        std::printf("each image was seen %.0f %% as often as helps at --quality %s: more --minutes or --iterations would do better\n",
+                    100 * saturated, options.quality.c_str());
     if (!result->parts.empty()) std::printf("%s\n", partsText(result->parts).c_str());
     if (!result->lights.empty()) std::printf("%s\n", lightsText(result->lights).c_str());
     if (args.json.empty()) return ok();
@@ -192,7 +284,8 @@ static Status runBake(BakeArguments args)
                     {"peak_rss_bytes", peak},
                     {"asset_bytes", bytes},
                     {"parts", partsJson(result->parts)},
-                    {"history", historyJson(result->history)}};
+                    {"history", historyJson(result->history)},
+                    {"skipped", skippedJson(options.skipped)}};
     if (options.refineLights) figures["lights"] = lightsJson(result->lights);
     return writeJson(figures, args.json);
 }
@@ -242,13 +335,14 @@ Action addBake(CLI::App& app)
                     "sss: residual, share, visibility, roughness-restart: the trial of starting roughness again from 0.2)")
         ->check(CLI::IsMember({"lobe", "visibility", "sharing", "schedule", "s", "residual", "share", "roughness-restart"}))
         ->delimiter(',');
-    sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: tuned value)")
+    sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: 0, the squared error alone)")
         ->check(numberBetween(0, 1));
     sub->add_flag(
         "--refine-lights", o.refineLights,
         "Correct gain and direction of each training light on the way, for captures that are off by a few per cent or degrees");
-    sub->add_flag("--resume", o.resume, "Go on from the checkpoint ASSET.glb.ckpt that an interrupted bake has left");
-    sub->add_option("--json", args->json, "Write figures of the bake, and its held-out error over time, to this file");
+    auto* resume = sub->add_flag("--resume", o.resume, "Go on with what an interrupted bake has left: ASSET.glb.ckpt or, of --model auto, ASSET.glb.trials");
+    sub->add_flag("--restart", args->restart, "Discard what an interrupted bake has left and start anew")->excludes(resume);
+    sub->add_option("--json", args->json, "Write figures of the bake, and its held-out error over time (up to 48 images of the test split; no time of --minutes is spent on it), to this file");
     sub->footer("Ctrl-C and SIGTERM write a checkpoint next to the output; --resume goes on from there.");
     return [args] { return runBake(*args); };
 }

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstdarg>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <unistd.h>
@@ -49,6 +50,19 @@ void Progress::clear()
 {
     if (terminal_ && shown_) std::fputs("\r\033[K", stderr);
     shown_ = false;
+}
+
+std::unique_ptr<tbb::global_control> limitThreads(int threads)
+{
+    if (threads <= 0) return nullptr;
+    // Mesa's software renderer has threads of its own; read when the first context is made.
+    setenv("LP_NUM_THREADS", std::to_string(std::min(threads, 16)).c_str(), 0);
+    return std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, size_t(threads));
+}
+
+void ThreadsOption::addTo(CLI::App& app)
+{
+    app.add_option("--threads", count, "0: all cores; the result does not depend on it")->check(wholeNumber(0, 4096))->capture_default_str();
 }
 
 std::string clockText(double seconds)
@@ -105,6 +119,13 @@ size_t fileBytes(const std::string& path)
     std::error_code error;
     const auto bytes = std::filesystem::file_size(path, error);
     return error ? 0 : size_t(bytes);
+}
+
+Json skippedJson(const std::vector<UnusableImage>& skipped)
+{
+    Json out = Json::array();
+    for (const UnusableImage& image : skipped) out.push_back({{"path", image.path}, {"why", image.why}});
+    return out;
 }
 
 Result<OlatDataset> openDataset(const std::string& path)

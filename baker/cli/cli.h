@@ -9,9 +9,11 @@
 #include "dataset/olat_dataset.h"
 #include "eval/splat_renderer.h"
 #include "splats/splat_asset.h"
+#include "train/image_screen.h"
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
+#include <tbb/global_control.h>
 
 #include <atomic>
 #include <chrono>
@@ -52,6 +54,9 @@ private:
     std::chrono::steady_clock::time_point last_;
 };
 
+/// --threads: at most so many while the result lives; 0: all cores.
+std::unique_ptr<tbb::global_control> limitThreads(int threads);
+
 /// "1:05" or "2:03:20"; "?" when negative.
 std::string clockText(double seconds);
 /// printf into a string.
@@ -64,6 +69,9 @@ Status makeFolder(const std::string& folder);
 Status writeJson(const Json& json, const std::string& path);
 size_t fileBytes(const std::string& path);
 
+/// [{"path", "why"}, ...]
+Json skippedJson(const std::vector<UnusableImage>& skipped);
+
 /// loadDataset, with its warnings shown.
 Result<OlatDataset> openDataset(const std::string& path);
 Result<const OlatSplit*> findSplit(const OlatDataset& dataset, const std::string& name);
@@ -74,6 +82,12 @@ struct AssetFile {
     SplatAsset asset;
 };
 Result<AssetFile> openAsset(const std::string& path);
+
+/// --threads N, of commands whose result does not depend on it.
+struct ThreadsOption {
+    int count = 0;
+    void addTo(CLI::App& app);
+};
 
 /// --renderer gl|reference.
 struct RendererOption {

@@ -16,6 +16,7 @@ namespace nacre::cli {
 
 struct InfoArguments {
     std::string path, json;
+    ThreadsOption threads;
     bool models = false;
 };
 
@@ -128,6 +129,7 @@ static Status listModels()
 static Status runInfo(const InfoArguments& args)
 {
     if (args.models) return listModels();
+    const auto threads = limitThreads(args.threads.count);
     if (args.path.empty()) return Error{ErrorCode::kBadInput, "info needs an asset, a dataset or --models (try: nacre info --help)"};
     if (Status s = checkWritable(args.json); !s) return s;
     std::error_code ignored;
@@ -144,6 +146,7 @@ Action addInfo(CLI::App& app)
     sub->add_option("PATH", args->path, "Asset (.glb), or OLAT dataset: its folder or a transforms file");
     sub->add_flag("--models", args->models, "List the appearance models and what they store per splat");
     sub->add_option("--json", args->json, "Write the same to this file");
+    args->threads.addTo(*sub);
     return [args] { return runInfo(*args); };
 }
 

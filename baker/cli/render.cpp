@@ -16,6 +16,7 @@ namespace nacre::cli {
 struct RenderArguments {
     std::string asset, output, size, camera, orbit, spin = "light";
     RendererOption renderer;
+    ThreadsOption threads;
     std::vector<std::string> lights, edits;
     double fovYDegrees = 40;
     int frames = 1;
@@ -110,6 +111,7 @@ static std::filesystem::path frameName(const std::filesystem::path& output, int 
 static Status runRender(const RenderArguments& args)
 {
     const std::atomic<bool>& stop = catchStopSignals();
+    const auto threads = limitThreads(args.threads.count);
     const std::filesystem::path output(args.output);
     if (output.extension() != ".exr" && output.extension() != ".png")
         return Error{ErrorCode::kBadInput, "-o '" + args.output + "': the name must end in .exr (linear) or .png (sRGB)"};
@@ -182,6 +184,7 @@ Action addRender(CLI::App& app)
         ->check(wholeNumber(1, 100000))->capture_default_str();
     sub->add_option("--spin", args->spin, "What turns with --frames")->check(CLI::IsMember({"light", "camera"}))->capture_default_str();
     args->renderer.addTo(*sub);
+    args->threads.addTo(*sub);
     return [args] { return runRender(*args); };
 }
 

@@ -51,7 +51,7 @@ class Bake {
 public:
     Bake(const OlatDataset& dataset, const BakeOptions& options, const std::function<void(const BakeProgress&)>& progress,
          const std::atomic<bool>* cancel)
-        : dataset_(dataset), options_(options), report_(progress), cancel_(cancel), schedule_(options)
+        : dataset_(dataset), options_(options), report_(progress), cancel_(cancel), schedule_(options, dataset)
     {
     }
 
@@ -62,7 +62,8 @@ private:
     Status resume();
     Status train();
     Result<LossStats> step(double progress);
-    Status track();
+    void track();
+    Status lookAhead(double progress);
     Status checkpoint();
     Result<BakeResult> finish();
     Status tick(const char* stage, double progress);
@@ -107,7 +108,7 @@ Status Bake::tick(const char* stage, double progress)
 
 Status Bake::setUp()
 {
-    auto options = withDefaults(options_);
+    auto options = withDefaults(options_, dataset_);
     if (!options) return options.error();
     options_ = std::move(*options);
     if (!makeTrainableAppearance(options_.model, {}))
@@ -131,8 +132,8 @@ Status Bake::checkpoint()
     if (options_.checkpointPath.empty()) return ok();
     state_.seconds = schedule_.seconds();
     if (refinement_) state_.lights = refinement_->evidence();
-    const uint64_t hash = optionsHash(dataset_, *preparation_.split, options_);
-    return writeFileAtomically(options_.checkpointPath, encodeCheckpoint(hash, state_, *trainer_));
+    const std::string identity = bakeIdentity(dataset_, *preparation_.split, options_);
+    return writeFileAtomically(options_.checkpointPath, encodeCheckpoint(identity, options_.skipped, state_, *trainer_));
 }
 
 Status Bake::resume()
@@ -142,37 +143,49 @@ Status Bake::resume()
                      "nothing to resume: no checkpoint at '" + options_.checkpointPath + "'; start again without --resume"};
     auto bytes = readFile(options_.checkpointPath, std::numeric_limits<size_t>::max());
     if (!bytes) return bytes.error();
-    auto state = decodeCheckpoint(*bytes, optionsHash(dataset_, *preparation_.split, options_), *trainer_);
+    auto state = decodeCheckpoint(*bytes, bakeIdentity(dataset_, *preparation_.split, options_), *trainer_);
     if (!state) return Error{state.error().code, options_.checkpointPath + ": " + state.error().message};
     state_ = std::move(*state);
     if (refinement_ && !refinement_->restore(std::move(state_.lights)))
         return Error{ErrorCode::kBadInput,
                      options_.checkpointPath +
-                         ": checkpoint does not fit the lights of this dataset; start again without --resume"};
+                         ": checkpoint does not fit the lights of this dataset; start again with --restart"};
     schedule_.resume(state_.seconds);
     return ok();
 }
 
-Status Bake::track()
+void Bake::track()
 {
     const OlatSplit* test = dataset_.find("test");
-    if (!test) return ok();
+    if (!test) return;
     const double before = schedule_.seconds();
     if (!heldOutImages_) heldOutImages_ = std::make_unique<TrainingImages>(dataset_, *test, options_.imageBudgetBytes / 4);
-    auto psnr = measureHeldOut(*trainer_, *test, *heldOutImages_);
-    if (!psnr) return psnr.error();
-    if (psnr->images)
-        state_.history.push_back(
-            {before - state_.trackSeconds, state_.step, int(trainer_->count()), psnr->whole, psnr->masked});
-    state_.trackSeconds += schedule_.seconds() - before;
-    return ok();
+    const HeldOutPsnr psnr = measureHeldOut(*trainer_, *test, *heldOutImages_);
+    if (psnr.images) state_.history.push_back({before, state_.step, int(trainer_->count()), psnr.whole, psnr.masked});
+    schedule_.leaveOut(schedule_.seconds() - before);
+}
+
+// What the model does before the next step may take minutes, in which a user wants to see that the bake is alive, and may stop it.
+Status Bake::lookAhead(double progress)
+{
+    Status goesOn = ok();
+    trainer_->prepareStep(progress, [&] {
+        goesOn = tick("training", progress);
+        return bool(goesOn);
+    });
+    return goesOn;
 }
 
 Result<LossStats> Bake::step(double progress)
 {
+    const int next = state_.step + 1;
+    auto stats = steps_->take({next, progress, schedule_.rate(next, progress)});
+    if (!stats) { // the disk is gone: the bake can go on from here when it is back
+        if (Status s = checkpoint(); !s) return s.error();
+        return stats;
+    }
     ++state_.step, ++state_.stepsSinceReset;
-    auto stats = steps_->take({state_.step, progress, schedule_.rate(state_.step, progress)});
-    if (stats && !std::isfinite(stats->loss))
+    if (!std::isfinite(stats->loss))
         return Error{ErrorCode::kIo, "training diverged at step " + std::to_string(state_.step) + ": the loss is not finite"};
     return stats;
 }
@@ -184,6 +197,7 @@ Status Bake::train()
     TrainingPsnr psnr(steps_->passLength());
     const TrialStep trialStep = [&](const Trainer::Moment& moment, double* splatErrors) -> Result<LossStats> {
         if (Status s = tick("training", moment.progress); !s) return s.error();
+        if (Status s = lookAhead(moment.progress); !s) return s.error();
         return steps_->takeOnTrial(moment, splatErrors);
     };
     for (;;) {
@@ -195,14 +209,18 @@ Status Bake::train()
         }
         const double progress = schedule_.progress(state_.step);
         if (progress >= 1.0) break;
-        if (options_.trackHeldOut && progress >= state_.nextTrack) {
-            if (Status s = track(); !s) return s;
+        if (options_.track == BakeOptions::Track::kNowAndThen && progress >= state_.nextTrack) {
+            track();
             state_.nextTrack = (std::floor(progress / kTrackEvery) + 1) * kTrackEvery;
         }
 
+        if (Status s = lookAhead(progress); !s) {
+            if (Status written = checkpoint(); !written) return written;
+            return s;
+        }
         auto stats = step(progress);
         if (!stats) return stats.error();
-        psnr.add(*stats);
+        if (stats->count > 0) psnr.add(*stats);
         recentPsnr_ = psnr.masked;
 
         if (schedule_.densifies(state_.stepsSinceReset, progress)) {
@@ -221,7 +239,8 @@ Status Bake::train()
     result_.psnrTrain = psnr.whole();
     // What no camera has seen in a whole pass serves nobody.
     if (schedule_.allHaveLooked(state_.stepsSinceReset)) trainer_->prune();
-    return options_.trackHeldOut ? track() : ok();
+    if (options_.track != BakeOptions::Track::kNever) track();
+    return ok();
 }
 
 Result<BakeResult> Bake::finish()
@@ -237,6 +256,7 @@ Result<BakeResult> Bake::finish()
     asset.bakedWith =
         dataset_.convention + " dataset, " + std::to_string(state_.step) + " iterations, seed " + std::to_string(options_.seed);
     if (refinement_) result_.lights = refinement_->lights();
+    result_.lost = steps_->lost();
     result_.history = std::move(state_.history);
     result_.parts = std::move(state_.parts);
     result_.iterations = state_.step;

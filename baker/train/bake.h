@@ -4,6 +4,7 @@
 #include "base/result.h"
 #include "dataset/olat_dataset.h"
 #include "splats/splat_asset.h"
+#include "train/image_screen.h"
 #include "train/light_refinement.h"
 
 #include <atomic>
@@ -29,7 +30,10 @@ struct BakeOptions {
     size_t imageBudgetBytes = size_t(1) << 30;
     std::string checkpointPath;        // empty: none
     bool resume = false;
-    bool trackHeldOut = false;         // evaluate the test split now and then for the history
+    std::vector<UnusableImage> skipped{}; // images that the caller left out of the dataset: a checkpoint remembers them
+    double secondsBefore = 0;          // of `minutes`, that the caller has used already
+    enum class Track { kNever, kAtEnd, kNowAndThen };
+    Track track = Track::kNever;       // evaluate the test split, a part of it where it is large, for the history; on time of its own
 };
 
 struct BakeProgress {
@@ -52,6 +56,7 @@ struct PartWorth {
 
 struct BakeResult {
     SplatAsset asset;
+    std::vector<UnusableImage> lost;   // images that could be read at first and no more when their turn came
     int iterations = 0;
     double seconds = 0;
     double psnrTrain = 0;              // whole image, mean over the last pass
@@ -61,8 +66,13 @@ struct BakeResult {
     std::vector<std::string> warnings;
 };
 
-/// How many steps a bake makes unless its minutes end first. 0: no such quality.
-int bakeIterations(const BakeOptions& options);
+/// How many steps a bake makes unless its minutes end first: those of its quality; in minutes, more for more images than the quality was
+/// tuned on, so that each is seen as often. 0: no such quality.
+int bakeIterations(const BakeOptions& options, const OlatDataset& dataset);
+
+/// How often so many steps show a training image, in the mean, against the most that has been found to help at this quality; above 1 they
+/// only fit noise.
+double saturation(int steps, const BakeOptions& options, const OlatDataset& dataset);
 
 /// How many splats it may end with. 0: no such quality.
 int bakeSplats(const BakeOptions& options);

@@ -1,22 +1,23 @@
-// Layout: "NCKP", version u32, options hash u64, BakeState, trainer state, FNV-1a of all before it.
+// Layout: "NCKP", version u32, identity, skipped images, BakeState, trainer state, FNV-1a of all before it.
 #include "train/checkpoint.h"
 
 #include "base/hash.h"
 
 #include <algorithm>
+#include <sstream>
 
 namespace nacre {
 
-constexpr uint32_t kMagic = 0x504b434e, kVersion = 8;
+namespace {
 
-uint64_t optionsHash(const OlatDataset& dataset, const OlatSplit& split, const BakeOptions& options)
+constexpr uint32_t kMagic = 0x504b434e, kVersion = 9;
+
+Error bad(const std::string& what) { return {ErrorCode::kBadInput, what + "; start again with --restart"}; }
+
+uint64_t hashOf(const OlatDataset& dataset, const OlatSplit& split)
 {
-    uint64_t hash = kFnvOffset;
-    const auto addText = [&](const std::string& text) { hash = fnv1a(text.data(), text.size() + 1, hash); };
+    uint64_t hash = fnv1a(dataset.convention.data(), dataset.convention.size() + 1, kFnvOffset);
     const auto add = [&](const auto&... x) { ((hash = fnv1a(&x, sizeof x, hash)), ...); };
-    addText(dataset.convention), addText(options.model), addText(options.quality);
-    add(options.iterations, options.minutes, options.seed, options.maxSplats, options.sFunctions, options.dssim, options.refineLights);
-    for (const std::string& part : options.without) addText(part);
     for (const Camera& c : split.cameras) add(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.worldFromCamera);
     for (const OlatImage& image : split.images) {
         const Light& l = image.light;
@@ -25,31 +26,89 @@ uint64_t optionsHash(const OlatDataset& dataset, const OlatSplit& split, const B
     return hash;
 }
 
-std::vector<std::byte> encodeCheckpoint(uint64_t optionsHash, const BakeState& state, const Trainer& trainer)
+/// The file without its checksum, behind magic number and version.
+Result<ByteReader> open(std::span<const std::byte> bytes)
+{
+    if (bytes.size() < sizeof(uint64_t)) return bad("not a checkpoint (too short)");
+    const std::span<const std::byte> body = bytes.first(bytes.size() - sizeof(uint64_t));
+    ByteReader tail(bytes.subspan(body.size())), in(body);
+    if (in.value<uint32_t>() != kMagic || in.value<uint32_t>() != kVersion) return bad("not a checkpoint of this version");
+    if (tail.value<uint64_t>() != fnv1a(body.data(), body.size())) return bad("damaged checkpoint (its checksum differs)");
+    return in;
+}
+
+} // namespace
+
+std::string bakeIdentity(const OlatDataset& dataset, const OlatSplit& split, const BakeOptions& options)
+{
+    std::ostringstream text;
+    text.precision(17);
+    text << "--model " << options.model << "\n--quality " << options.quality << "\n--iterations " << options.iterations << "\n--minutes "
+         << options.minutes << "\n--seed " << options.seed << "\n--max-splats " << options.maxSplats << "\n--s-functions "
+         << options.sFunctions << "\n--dssim " << options.dssim << "\n--refine-lights " << (options.refineLights ? "on" : "off")
+         << "\n--without ";
+    for (const std::string& part : options.without) text << part << ',';
+    text << "\ndataset " << std::hex << hashOf(dataset, split) << '\n';
+    return text.str();
+}
+
+std::string identityDifference(const std::string& theirs, const std::string& ours)
+{
+    std::istringstream a(theirs), b(ours);
+    std::string was, is;
+    while (std::getline(a, was) && std::getline(b, is))
+        if (was != is) return was.rfind("--", 0) == 0 ? "it has " + was + ", this one " + is : "its images, cameras or lights differ";
+    return "its options differ";
+}
+
+std::vector<std::byte> encodeCheckpoint(const std::string& identity, const std::vector<UnusableImage>& skipped, const BakeState& state,
+                                        const Trainer& trainer)
 {
     ByteWriter out;
-    out.value(kMagic), out.value(kVersion), out.value(optionsHash);
-    out.value(state.step), out.value(state.stepsSinceReset), out.value(state.seconds), out.value(state.trackSeconds), out.value(state.nextTrack);
+    out.value(kMagic), out.value(kVersion), out.array(identity);
+    out.value(uint64_t(skipped.size()));
+    for (const UnusableImage& image : skipped) out.array(image.path), out.array(image.why);
+    out.value(state.step), out.value(state.stepsSinceReset), out.value(state.seconds), out.value(state.nextTrack);
     out.array(state.history), out.array(state.lights), out.array(state.parts);
     trainer.save(out);
     out.value(fnv1a(out.bytes.data(), out.bytes.size()));
     return std::move(out.bytes);
 }
 
-Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, uint64_t optionsHash, Trainer& trainer)
+static std::vector<UnusableImage> readSkipped(ByteReader& in)
 {
-    const auto bad = [](const char* what) { return Error{ErrorCode::kBadInput, std::string(what) + "; start again without --resume"}; };
-    if (bytes.size() < sizeof(uint64_t)) return bad("not a checkpoint (too short)");
-    const std::span<const std::byte> body = bytes.first(bytes.size() - sizeof(uint64_t));
-    ByteReader tail(bytes.subspan(body.size())), in(body);
-    if (in.value<uint32_t>() != kMagic || in.value<uint32_t>() != kVersion) return bad("not a checkpoint of this version");
-    if (tail.value<uint64_t>() != fnv1a(body.data(), body.size())) return bad("damaged checkpoint (its checksum differs)");
-    if (in.value<uint64_t>() != optionsHash) return bad("checkpoint of another bake (dataset or options differ)");
+    std::vector<UnusableImage> skipped;
+    for (uint64_t left = in.value<uint64_t>(); left > 0 && !in.failed; --left) {
+        UnusableImage& image = skipped.emplace_back();
+        in.array(image.path), in.array(image.why);
+    }
+    return skipped;
+}
+
+Result<std::vector<UnusableImage>> skippedImages(std::span<const std::byte> checkpoint)
+{
+    auto in = open(checkpoint);
+    if (!in) return in.error();
+    std::string identity;
+    in->array(identity);
+    auto skipped = readSkipped(*in);
+    if (in->failed) return bad("checkpoint that ends too soon");
+    return skipped;
+}
+
+Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::string& identity, Trainer& trainer)
+{
+    auto in = open(bytes);
+    if (!in) return in.error();
+    std::string theirs;
+    in->array(theirs);
+    if (theirs != identity) return bad("checkpoint of another bake: " + identityDifference(theirs, identity));
+    readSkipped(*in);
     BakeState state;
-    state.step = in.value<int32_t>(), state.stepsSinceReset = in.value<int32_t>();
-    state.seconds = in.value<double>(), state.trackSeconds = in.value<double>(), state.nextTrack = in.value<double>();
-    in.array(state.history), in.array(state.lights), in.array(state.parts);
-    if (in.failed || !trainer.load(in) || in.remaining() != 0 || state.step < 0) return bad("checkpoint does not fit this model");
+    state.step = in->value<int32_t>(), state.stepsSinceReset = in->value<int32_t>();
+    state.seconds = in->value<double>(), state.nextTrack = in->value<double>();
+    in->array(state.history), in->array(state.lights), in->array(state.parts);
+    if (in->failed || !trainer.load(*in) || in->remaining() != 0 || state.step < 0) return bad("checkpoint does not fit this model");
     return state;
 }
 

@@ -15,20 +15,28 @@ struct BakeState {
     int32_t step = 0;
     int32_t stepsSinceReset = 0;  // of the trainer's statistics
     double seconds = 0;           // training time so far
-    double trackSeconds = 0;      // of it, spent on held-out evaluation
     double nextTrack = 0;         // progress at which the next one is due
     std::vector<HistoryPoint> history;
     std::vector<PartWorth> parts; // what was tried to leave out; empty until then
     std::vector<LightEvidence> lights; // with refineLights
 };
 
-/// Of everything that shapes the result: dataset, model, quality, seed, caps, schedule. `options` as withDefaults leaves them.
-uint64_t optionsHash(const OlatDataset& dataset, const OlatSplit& split, const BakeOptions& options);
+/// Everything that shapes the result, as lines: model, quality, seed, caps, schedule, and a hash of the dataset. `options` as withDefaults
+/// leaves them.
+std::string bakeIdentity(const OlatDataset& dataset, const OlatSplit& split, const BakeOptions& options);
 
-std::vector<std::byte> encodeCheckpoint(uint64_t optionsHash, const BakeState& state, const Trainer& trainer);
+/// Of two identities: what the first has and the second has not, in words.
+std::string identityDifference(const std::string& theirs, const std::string& ours);
 
-/// Errors kBadInput: damaged (checksum), from another bake (hash), does not fit. `trainer` is unusable after an error.
-Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, uint64_t optionsHash, Trainer& trainer);
+/// `skipped` are the images that the bake does without (BakeOptions).
+std::vector<std::byte> encodeCheckpoint(const std::string& identity, const std::vector<UnusableImage>& skipped, const BakeState& state,
+                                        const Trainer& trainer);
+
+/// Errors kBadInput: damaged (checksum), from another bake (says what differs), does not fit. `trainer` is unusable after an error.
+Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::string& identity, Trainer& trainer);
+
+/// The images that the interrupted bake does without, so that it goes on without them whatever has become of the files.
+Result<std::vector<UnusableImage>> skippedImages(std::span<const std::byte> checkpoint);
 
 /// When the next checkpoint is due.
 class CheckpointPace {

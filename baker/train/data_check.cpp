@@ -14,6 +14,7 @@ constexpr size_t kMaxSamplesPerSide = 64; // of an image, for the median
 constexpr float kInside = 0.5f;           // alpha of the silhouette
 constexpr float kBlack = 1.5e-4f;         // below half a step of an 8-bit display
 constexpr double kExtreme = 3e3;          // times the median of what is lit: polished metal under a small lamp reaches 500, fireflies and lamps in view more
+constexpr double kManyClipped = 0.02;     // of the object's pixels above 1: more than highlights cover
 constexpr double kSame = 1e-5;            // relative: digits that positions have as text
 constexpr float kTouches = 0.05f;         // of the object's half-size: nearer than this, splats see the light from all sides
 constexpr float kDeep = 0.15f;            // the silhouettes of few cameras leave about this much around the object
@@ -110,8 +111,9 @@ void checkExposure(Exposure exposure, size_t imageCount, std::vector<std::string
         return;
     }
     const double median = exposure.median(), ratio = exposure.brightest / std::max(median, double(kBlack));
-    if (exposure.clipped == 0 || !(ratio > kExtreme || median > 1)) return;
-    out.push_back(number(100.0 * double(exposure.clipped) / double(exposure.pixels)) + " % of the object's pixels in " + looked +
+    const double share = double(exposure.clipped) / double(std::max<size_t>(exposure.pixels, 1));
+    if (exposure.clipped == 0 || !(share > kManyClipped || ratio > kExtreme || median > 1)) return;
+    out.push_back(number(100.0 * share) + " % of the object's pixels in " + looked +
                   " are above 1 and train as white; the brightest is " + number(exposure.brightest) + ", " + number(ratio) +
                   " times the median of the lit ones: check exposure (scale images and intensities of lights down alike) and remove fireflies");
 }
@@ -157,7 +159,7 @@ Result<std::vector<std::string>> checkTrainingData(const OlatDataset& dataset, c
     for (size_t k = 0; k < count; ++k) {
         const double spread = std::fmod(double(k) * std::numbers::phi, 1.0); // in step with no rig's order of cameras and lights
         auto image = files.load(split, images[count == images.size() ? k : size_t(spread * double(images.size()))]);
-        if (!image) return image.error();
+        if (!image) continue; // training says so
         exposure.add(**image);
     }
     checkExposure(std::move(exposure), images.size(), out);

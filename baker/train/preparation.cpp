@@ -8,19 +8,41 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
+#include <unistd.h>
 
 namespace nacre {
+
+Status checkMemory(const Camera& camera, size_t machineBytes)
+{
+    // Of four images at once: what is blended, what is shown, the gradients of both (sss: 26 and 12 planes of floats, and coverage),
+    // the references (14 bytes a pixel each), and one file while it is read (32 bytes).
+    constexpr size_t kBytesPerPixel = 2 * (27 + 13) * sizeof(float) + 4 * 14 + 32;
+    const size_t needed = size_t(camera.width) * size_t(camera.height) * kBytesPerPixel;
+    if (needed <= machineBytes) return ok();
+    const auto gigabytes = [](size_t bytes) { return std::to_string((bytes + (size_t(1) << 29)) >> 30); };
+    return Error{ErrorCode::kUnsupported, "train images of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
+                                              " pixels take " + gigabytes(needed) + " GiB of memory to train, this machine has " +
+                                              gigabytes(machineBytes) + " GiB; scale them down"};
+}
 
 namespace {
 
 constexpr int kMostPixelsPerSide = 8192;
-constexpr size_t kHullCameras = 200; // more silhouettes hardly change the hull
+constexpr size_t kHullCameras = 200; // more silhouettes hardly change the hull,
+constexpr size_t kMaskBytes = size_t(1) << 30, kLeastHullCameras = 16; // and of large images as many as fit
 constexpr int kHullResolution = 128;
 constexpr double kInitialShare = 0.5;    // of the cap
 constexpr uint16_t kObjectAlpha = 32768; // of 65535: from here on a pixel shows the object
 
 // Every stride-th of `count` items makes about `wanted`.
 size_t strideFor(size_t count, size_t wanted) { return (count + wanted - 1) / wanted; }
+
+size_t machineBytes()
+{
+    const long pages = sysconf(_SC_PHYS_PAGES), bytes = sysconf(_SC_PAGESIZE);
+    return pages > 0 && bytes > 0 ? size_t(pages) * size_t(bytes) : std::numeric_limits<size_t>::max();
+}
 
 Status checkSplit(const OlatDataset& dataset, const OlatSplit& split, const std::vector<CameraImages>& views)
 {
@@ -36,6 +58,7 @@ Status checkSplit(const OlatDataset& dataset, const OlatSplit& split, const std:
             return Error{ErrorCode::kUnsupported, dataset.path + ": train images of " + std::to_string(c.width) + "x" +
                                                       std::to_string(c.height) + " pixels; at most " +
                                                       std::to_string(kMostPixelsPerSide) + " per side, scale them down"};
+        if (Status s = checkMemory(c, machineBytes()); !s) return Error{s.error().code, dataset.path + ": " + s.error().message};
     }
     return ok();
 }
@@ -51,10 +74,14 @@ Result<Masks> loadMasks(const Preparation& p, const Tick& tick)
 {
     Masks found;
     bool anyObject = false, anyBackground = false;
-    for (size_t k = 0; k < p.views.size(); k += strideFor(p.views.size(), kHullCameras)) {
+    size_t pixelsOfOne = 1;
+    for (const CameraImages& view : p.views)
+        pixelsOfOne = std::max(pixelsOfOne, size_t(p.split->cameras[view.camera].width) * size_t(p.split->cameras[view.camera].height));
+    const size_t wanted = std::clamp(kMaskBytes / pixelsOfOne, kLeastHullCameras, kHullCameras);
+    for (size_t k = 0; k < p.views.size(); k += strideFor(p.views.size(), wanted)) {
         if (Status s = tick("loading"); !s) return s.error();
         auto image = p.images->get(p.views[k].images[0]);
-        if (!image) return image.error();
+        if (!image) continue; // training says so
         const size_t pixels = size_t((*image)->width) * (*image)->height;
         std::vector<uint8_t> mask(pixels);
         for (size_t i = 0; i < pixels; ++i) {
@@ -102,7 +129,7 @@ void placeSplats(Preparation& p, const VisualHull& hull, const BakeOptions& opti
 
 // What the object sends back of the light that falls on it: mean radiance against that of a white Lambertian surface at its
 // centre whose cosine and visibility are kMeanFacing in the mean.
-Result<double> brightness(const Preparation& p)
+double brightness(const Preparation& p)
 {
     constexpr size_t kImages = 50;
     constexpr double kMeanFacing = 0.35;
@@ -112,7 +139,7 @@ Result<double> brightness(const Preparation& p)
         const Light& light = images[i].light;
         if (!light.isPunctual()) continue;
         auto image = p.images->get(uint32_t(i));
-        if (!image) return image.error();
+        if (!image) continue;
         const double irradiance =
             double(sampleLight(light, &p.center.x).falloff) * (light.intensity.r + light.intensity.g + light.intensity.b);
         const std::vector<uint16_t>& planes = (*image)->planes;
@@ -141,6 +168,17 @@ bool lightDistancesVary(const OlatSplit& split, const glm::dvec3& center)
         nearest = std::min(nearest, distance), farthest = std::max(farthest, distance);
     }
     return farthest > kVarying * nearest;
+}
+
+std::vector<glm::vec3> placesOfLights(const OlatSplit& split)
+{
+    std::vector<glm::vec3> places;
+    for (const OlatImage& image : split.images)
+        if (image.light.type == LightType::kPoint) places.push_back(image.light.position);
+    const auto byCoordinates = [](const glm::vec3& a, const glm::vec3& b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); };
+    std::sort(places.begin(), places.end(), byCoordinates);
+    places.erase(std::unique(places.begin(), places.end()), places.end());
+    return places;
 }
 
 } // namespace
@@ -172,9 +210,8 @@ Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& optio
     p.trainer.loss.dssim = float(options.dssim);
     if (masks->silhouettes != Silhouettes::kGood) p.trainer.loss.alphaWeight = 0;
 
-    auto bright = brightness(p);
-    if (!bright) return bright.error();
-    p.appearance = {options.sFunctions, options.without, float(*bright), lightDistancesVary(*p.split, glm::dvec3(p.center))};
+    p.appearance = {options.sFunctions, options.without, float(brightness(p)), lightDistancesVary(*p.split, glm::dvec3(p.center))};
+    p.appearance.pointLights = placesOfLights(*p.split);
     return p;
 }
 

@@ -26,6 +26,9 @@ struct Preparation {
 /// Called often, with the name of what is being done ("loading", "hull"). An error ends the preparation with it.
 using Tick = std::function<Status(const char* stage)>;
 
+/// kUnsupported: images so large that a step does not fit a machine with so much memory.
+Status checkMemory(const Camera& camera, size_t machineBytes);
+
 /// `options` as withDefaults leaves them. The result refers to the dataset. Errors: a dataset that nothing can be learned from.
 Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& options, const Tick& tick);
 

@@ -1,5 +1,8 @@
 #include "train/schedule.h"
 
+#include "appearance/trainable.h"
+#include "train/step_order.h"
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -27,10 +30,30 @@ double clockSeconds() { return std::chrono::duration<double>(std::chrono::steady
 
 } // namespace
 
-int bakeIterations(const BakeOptions& options)
+// How many steps show every image once, in the mean: 75 in the sets that the qualities were tuned on (75 cameras, 4 lights each).
+static double stepsForAll(const OlatDataset& dataset)
+{
+    const OlatSplit* train = dataset.find("train");
+    double images = 0, perPass = 0, passLength = 0;
+    for (const CameraImages& view : groupByCamera(train ? *train : OlatSplit()))
+        images += double(view.images.size()), perPass += double(std::min<size_t>(view.images.size(), kMaxLightsPerStep)), ++passLength;
+    return images > 0 ? images / perPass * passLength : 0;
+}
+constexpr double kTunedStepsForAll = 75;
+
+double saturation(int steps, const BakeOptions& options, const OlatDataset& dataset)
 {
     const Quality* quality = findQuality(options.quality);
-    return options.iterations > 0 ? options.iterations : quality ? quality->iterations : 0;
+    return quality ? double(steps) / quality->iterations * kTunedStepsForAll / std::max(stepsForAll(dataset), 1.0) : 0;
+}
+
+int bakeIterations(const BakeOptions& options, const OlatDataset& dataset)
+{
+    constexpr double kMost = 1e8;
+    const Quality* quality = findQuality(options.quality);
+    if (options.iterations > 0 || !quality) return std::max(options.iterations, 0);
+    const double more = options.minutes > 0 ? std::max(1.0, stepsForAll(dataset) / kTunedStepsForAll) : 1.0;
+    return int(std::min(more * quality->iterations, kMost));
 }
 
 int bakeSplats(const BakeOptions& options)
@@ -39,19 +62,19 @@ int bakeSplats(const BakeOptions& options)
     return options.maxSplats > 0 ? options.maxSplats : quality ? quality->maxSplats : 0;
 }
 
-Result<BakeOptions> withDefaults(BakeOptions options)
+Result<BakeOptions> withDefaults(BakeOptions options, const OlatDataset& dataset)
 {
     const Quality* quality = findQuality(options.quality);
     if (!quality) return Error{ErrorCode::kBadInput, "--quality '" + options.quality + "': expected draft, standard or high"};
-    options.iterations = bakeIterations(options);
+    options.iterations = bakeIterations(options, dataset);
     options.maxSplats = bakeSplats(options);
     if (options.sFunctions < 0) options.sFunctions = quality->sFunctions;
     if (options.dssim < 0) options.dssim = 0;
     return options;
 }
 
-Schedule::Schedule(const BakeOptions& options)
-    : start_(clockSeconds()), iterations_(bakeIterations(options)),
+Schedule::Schedule(const BakeOptions& options, const OlatDataset& dataset)
+    : start_(clockSeconds() - options.secondsBefore), iterations_(bakeIterations(options, dataset)),
       budgetSeconds_(options.iterations > 0 ? 0.0 : std::max(0.0, 60 * options.minutes))
 {
 }
@@ -64,23 +87,28 @@ void Schedule::resume(double seconds)
     resumedSeconds_ = seconds;
 }
 
-constexpr int kDensifyEvery = 100;                         // steps, and at least one pass through the cameras
+constexpr int kDensifyEvery = 100;                         // steps, and at least one pass through the cameras,
+constexpr int kEnoughCameras = 200;                        // or through so many: what none of them has seen is hidden
 constexpr double kDensifyFrom = 0.02, kDensifyUntil = 0.5; // of the bake
-constexpr double kGrowth = 1.06;                           // per densification
+constexpr double kGrowth = 1.06;                           // in kDensifyEvery steps
 
 void Schedule::beginTraining(int step, size_t passLength)
 {
     startedStep_ = step;
     startedProgress_ = progress(step);
-    watch_ = std::max(kDensifyEvery, int(passLength));
+    pass_ = std::max(kDensifyEvery, int(passLength));
+    watch_ = std::min(pass_, kEnoughCameras);
 }
 
 bool Schedule::densifies(int stepsSinceReset, double progress) const
 {
-    return allHaveLooked(stepsSinceReset) && progress > kDensifyFrom && progress < kDensifyUntil;
+    return stepsSinceReset >= watch_ && progress > kDensifyFrom && progress < kDensifyUntil;
 }
 
-size_t Schedule::growth(size_t splats) const { return size_t((kGrowth - 1) * double(splats)); }
+size_t Schedule::growth(size_t splats) const
+{
+    return size_t((std::pow(kGrowth, double(watch_) / kDensifyEvery) - 1) * double(splats));
+}
 
 double Schedule::progress(int step) const
 {

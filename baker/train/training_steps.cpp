@@ -24,15 +24,23 @@ Result<LossStats> TrainingSteps::takeOnTrial(const Trainer::Moment& moment, doub
 
 Result<LossStats> TrainingSteps::take(const Trainer::Moment& moment, bool refines, double* splatErrors)
 {
-    const CameraImages view = order_.at(moment.step);
+    CameraImages view = order_.at(moment.step);
     std::vector<std::shared_ptr<const PreparedImage>> held;
     const PreparedImage* references[kMaxLightsPerStep];
     Light lights[kMaxLightsPerStep];
+    std::vector<uint32_t> readable;
+    for (const uint32_t i : view.images) {
+        if (lost_.count(i)) continue;
+        auto image = images_.get(i);
+        if (image) held.push_back(*image), readable.push_back(i);
+        else lost_[i] = image.error().message;
+    }
+    if (3 * lost_.size() > split_.images.size())
+        return Error{ErrorCode::kIo, "more than a third of the training images can no longer be read; " + lost_.begin()->second};
+    if (readable.empty()) return LossStats{};
+    view.images = std::move(readable);
     for (size_t i = 0; i < view.images.size(); ++i) {
-        auto image = images_.get(view.images[i]);
-        if (!image) return image.error();
-        held.push_back(*image);
-        references[i] = held.back().get();
+        references[i] = held[i].get();
         lights[i] = refinement_ ? refinement_->light(view.images[i]) : split_.images[view.images[i]].light;
     }
     const Camera& camera = split_.cameras[view.camera];
@@ -41,6 +49,13 @@ Result<LossStats> TrainingSteps::take(const Trainer::Moment& moment, bool refine
         refinement_->observe(view.images, references,
                              [&](std::span<const Light> l, std::vector<float>& planes) { trainer_.render(camera, l, planes); });
     return trainer_.step(camera, std::span(lights, view.images.size()), references, moment, splatErrors);
+}
+
+std::vector<UnusableImage> TrainingSteps::lost() const
+{
+    std::vector<UnusableImage> out;
+    for (const auto& [image, why] : lost_) out.push_back({split_.images[image].path, why});
+    return out;
 }
 
 } // namespace nacre

@@ -1,10 +1,13 @@
 // Feeds the trainer: which view a step sees, its images, and its lights as far as they have been corrected.
 #pragma once
 
+#include "train/image_screen.h"
 #include "train/light_refinement.h"
 #include "train/step_order.h"
 #include "train/trainer.h"
 #include "train/training_images.h"
+
+#include <map>
 
 namespace nacre {
 
@@ -13,12 +16,14 @@ public:
     /// All that is referred to must outlive this object. `refinement`: nullptr to take the lights as they are stated.
     TrainingSteps(const OlatSplit& split, TrainingImages& images, StepOrder order, Trainer& trainer, LightRefinement* refinement);
 
-    /// Errors: those of loading an image; then the trainer has not stepped.
+    /// An image that cannot be read any more is left out of its step; a step that has none left changes nothing, its stats are empty.
+    /// kIo once more than a third of all images are lost: then the disk is gone, not a file.
     Result<LossStats> take(const Trainer::Moment& moment);
     /// A step that may be undone: nothing is learned about the lights. splatErrors as Trainer::step.
     Result<LossStats> takeOnTrial(const Trainer::Moment& moment, double* splatErrors);
 
     size_t passLength() const { return order_.passLength(); }
+    std::vector<UnusableImage> lost() const;
 
 private:
     Result<LossStats> take(const Trainer::Moment& moment, bool refines, double* splatErrors);
@@ -28,6 +33,7 @@ private:
     StepOrder order_;
     Trainer& trainer_;
     LightRefinement* refinement_;
+    std::map<uint32_t, std::string> lost_; // why, by image
 };
 
 } // namespace nacre

@@ -243,16 +243,22 @@ Result<std::vector<std::string>> checkConventions(const OlatDataset& dataset, Im
     if (checkCameras(poses, centre, out)) return out;
 
     std::vector<View> views;
+    std::vector<std::string> unreadable;
     bool hasBackground = false;
     const size_t count = std::min(candidates.size(), kMaxImages);
     for (size_t k = 0; k < count; k++) {
         const auto [split, index] = candidates[k * candidates.size() / count];
         Result<std::shared_ptr<const Image>> image = images.load(*split, index);
-        if (!image) return image.error();
+        if (!image) { // says who needs it; here others will do
+            unreadable.push_back(image.error().message);
+            continue;
+        }
         const OlatImage& entry = split->images[index];
         views.push_back({&split->cameras[entry.camera], &entry, *image});
         for (size_t i = 3; i < (*image)->rgba.size(); i += 4) hasBackground |= !((*image)->rgba[i] > kInside);
     }
+    if (!unreadable.empty())
+        out.push_back(std::to_string(unreadable.size()) + " of " + std::to_string(count) + " images looked at cannot be used; the first: " + unreadable[0]);
     if (views.empty()) return out;
     if (!hasBackground) {
         out.push_back("lights and shading not checked: the images have no alpha that tells the object from the background");

@@ -148,6 +148,21 @@ for image in nan/train/*; do cp nan.exr "$image"; done
 expect 2 "NaN" "$nacre" bake nan -o a.glb --iterations 2
 cp -r "$sample" missing && rm missing/train/r_000[0-9]*
 expect 2 "train" "$nacre" bake missing -o a.glb --iterations 2
+cp -r "$sample" few # what a disk or a network leaves of a dataset now and then: named, counted, and without effect on the rest
+truncate -s 2000 few/train/r_0001.exr && : >few/train/r_0002.exr && rm few/train/r_0004.exr && truncate -s 100 few/test/r_0003.exr
+expect 0 "" "$nacre" bake few -o few.glb --max-splats 300 --iterations 2 --json few.json
+for image in 1 2 4; do
+    grep -q "skipped: .*few/train/r_000$image.exr" stderr.txt && grep -q "\"path\": \"few/train/r_000$image.exr\"" few.json ||
+        fail "a broken image $image is not named: $(cat stderr.txt few.json)"
+done
+grep -q "3 of 100 training images skipped" stderr.txt || fail "skipped images are not counted: $(cat stderr.txt)"
+expect 0 "" "$nacre" eval few.glb few --renderer reference --frames 0 --json eval.json
+grep -q "skipped: .*few/test/r_0003.exr" stderr.txt && grep -q "1 of 8 images .* the figures are of the rest" stderr.txt ||
+    fail "eval does not say which images it left out: $(cat stderr.txt)"
+grep -q '"images": 7,' eval.json || fail "eval counts images that it left out: $(cat eval.json)"
+expect 0 "" "$nacre" info few
+grep -q "cannot be used" stdout.txt || fail "info does not say that images are broken: $(cat stdout.txt)"
+rm -rf few few.glb
 cp -r "$sample" empty && sed -i '/"frames"/,$d' empty/transforms_train.json && echo '"frames": []}' >>empty/transforms_train.json
 expect 2 "train" "$nacre" bake empty -o a.glb --iterations 2
 cp -r "$sample" broken && truncate -s 100 broken/transforms_train.json
@@ -205,10 +220,14 @@ expect 0 "" "${grown[@]}" 1 -o one/g.glb --json start.json
 expect 0 "" "${grown[@]}" 220 -o one/g.glb --threads 1 --json grown.json
 expect 0 "" "${grown[@]}" 220 -o two/g.glb --threads 2
 cmp one/g.glb two/g.glb || fail "1 and 2 threads give different assets after densification"
+cp one/g.glb quiet.glb
+"${grown[@]}" 220 -o one/g.glb --threads 1 >stdout.txt 2>stderr.txt
+cmp one/g.glb quiet.glb || fail "--json changes the asset"
+rm quiet.glb
 [ "$(grep '"splats"' start.json)" != "$(grep '"splats"' grown.json)" ] || fail "220 iterations do not reach a densification"
 rm one/g.glb two/g.glb
 expect 0 "" "${bake[@]}" -o one/a.glb --iterations 60 --threads 1 --json bake.json
-keys bake.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes parts history
+keys bake.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes parts history skipped
 grep -q '"iterations": 60,' bake.json || fail "bake.json does not say 60 iterations"
 only one a.glb
 expect 0 "" "${bake[@]}" -o two/a.glb --iterations 60 --threads 2 --json bake2.json
@@ -235,6 +254,8 @@ done
 if [ -e stop/a.glb.ckpt ]; then
     only stop a.glb.ckpt
     grep -q -- '--resume' stderr.txt || fail "a stopped bake does not say how to resume: $(cat stderr.txt)"
+    expect 2 "--restart discards it" "${bake[@]}" -o stop/a.glb --iterations 400
+    expect 2 "it has --seed 1, this one --seed 2" "${bake[@]}" -o stop/a.glb --iterations 400 --resume --seed 2
     expect 0 "" "${bake[@]}" -o stop/a.glb --iterations 400 --resume
     cmp stop/a.glb two/long.glb || fail "stopped and resumed differs from uninterrupted"
     only stop a.glb
@@ -248,7 +269,7 @@ fi
 echo "-- eval, render and info of an asset"
 asset=one/a.glb
 eval_keys="split images psnr psnr_masked ssim flip rel_mse_linear ms_per_frame splats asset_bytes bytes_per_splat renderer"
-eval_keys+=" psnr_min relight_ms sort_ms raster_ms scattered_share drawn_by"
+eval_keys+=" psnr_min relight_ms sort_ms raster_ms scattered_share drawn_by skipped"
 for renderer in gl reference; do
     expect 0 "" "$nacre" eval $asset "$sample" --renderer $renderer --frames 1 --json eval.json --images images_$renderer
     keys eval.json 2 $eval_keys
@@ -293,7 +314,7 @@ done
 
 echo "-- sss: bake, edits"
 expect 0 "" "$nacre" bake "$sample" -o sss.glb --model sss --max-splats 300 --iterations 60 --json sss.json
-keys sss.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes parts history
+keys sss.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes parts history skipped
 view=(--orbit 30,20 --size 64x64 --light point:2,0,3:40)
 expect 0 "" "$nacre" render sss.glb -o plain.exr "${view[@]}"
 expect 0 "" "$nacre" render sss.glb -o factor1.exr "${view[@]}" --edit basecolor=x1 --edit residual=x1@sphere:0,0,0,1
@@ -315,6 +336,21 @@ best=$(sed -n 's/^trial of \(.*\): \(.*\) dB.*/\2 \1/p' stdout.txt | sort -rn | 
 [ -n "$best" ] && [ "$chosen" = "$best" ] || fail "went on with '$chosen', best was '$best': $(cat stdout.txt)"
 "$nacre" info auto.glb | grep -q "$chosen" || fail "auto.glb is not of model $chosen"
 expect 2 "--resume" "${bake[@]}" -o auto.glb --model auto --resume
+# Stopped wherever it is, again and again, and resumed by the same command: the same bytes.
+auto=("${bake[@]}" --model auto --iterations 1500)
+expect 0 "" "${auto[@]}" -o auto.glb
+mkdir interrupted
+code=1
+for ((i = 0; i < 40 && code == 1; ++i)); do
+    resume=()
+    if [ -n "$(ls interrupted)" ]; then resume=(--resume); fi
+    timeout -s INT $((1 + i / 2)) "${auto[@]}" -o interrupted/auto.glb "${resume[@]}" >stdout.txt 2>stderr.txt
+    code=$?
+    [ $code = 124 ] && code=1
+done
+[ $i -gt 1 ] || echo "SKIPPED: --model auto was too quick to be interrupted"
+cmp auto.glb interrupted/auto.glb || fail "--model auto, stopped and resumed, differs from uninterrupted: $(cat stderr.txt)"
+only interrupted auto.glb
 
 [ $failures = 0 ] || { echo "$failures checks FAILED"; exit 1; }
 echo "all checks passed"

@@ -21,7 +21,7 @@ static nacre::Trainer makeTrainer(const char* model)
 extern "C" size_t nacreFuzzSeed(uint8_t* out, size_t cap, unsigned i)
 {
     if (i >= std::size(kModels)) return 0;
-    const auto bytes = nacre::encodeCheckpoint(1, {}, makeTrainer(kModels[i]));
+    const auto bytes = nacre::encodeCheckpoint("1", {{"a", "b"}}, {}, makeTrainer(kModels[i]));
     if (bytes.size() > cap) return 0;
     std::memcpy(out, bytes.data(), bytes.size());
     return bytes.size();
@@ -37,7 +37,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size)
     }
     for (const char* model : kModels) {
         nacre::Trainer trainer = makeTrainer(model);
-        (void)nacre::decodeCheckpoint(bytes, 1, trainer);
+        (void)nacre::decodeCheckpoint(bytes, "1", trainer);
+        (void)nacre::skippedImages(bytes);
     }
     return 0;
 }

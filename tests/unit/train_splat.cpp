@@ -299,12 +299,12 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         BakeState before;
         before.step = 20, before.stepsSinceReset = 3, before.seconds = 1.5;
         before.history.push_back({1.0, 10, 60, 20.0, 15.0});
-        const std::vector<std::byte> bytes = encodeCheckpoint(77, before, trainer);
+        const std::vector<std::byte> bytes = encodeCheckpoint("--seed 77\n", {{"a.png", "a.png: cut off"}}, before, trainer);
         const std::vector<float> picture = pictureOf(trainer);
         train(trainer, 21, 40);
 
         Trainer resumed = sphereTrainer(100, 120, model.name);
-        auto after = decodeCheckpoint(bytes, 77, resumed);
+        auto after = decodeCheckpoint(bytes, "--seed 77\n", resumed);
         REQUIRE(bool(after));
         CHECK(after->step == 20);
         CHECK(after->stepsSinceReset == 3);
@@ -313,13 +313,19 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         train(resumed, 21, 40);
         CHECK(state(resumed) == state(trainer));
 
-        CHECK_FALSE(bool(decodeCheckpoint(bytes, 78, resumed)));
+        const auto other = decodeCheckpoint(bytes, "--seed 78\n", resumed);
+        REQUIRE_FALSE(bool(other));
+        CHECK(other.error().message.find("it has --seed 77, this one --seed 78") != std::string::npos);
+        const auto skipped = skippedImages(bytes);
+        REQUIRE(bool(skipped));
+        REQUIRE(skipped->size() == 1);
+        CHECK((*skipped)[0].path == "a.png");
         const std::span<const std::byte> whole(bytes);
-        for (size_t cut = 0; cut < bytes.size(); cut += cut < 200 ? 1 : 997) CHECK_FALSE(bool(decodeCheckpoint(whole.first(cut), 77, resumed)));
+        for (size_t cut = 0; cut < bytes.size(); cut += cut < 200 ? 1 : 997) CHECK_FALSE(bool(decodeCheckpoint(whole.first(cut), "--seed 77\n", resumed)));
         for (size_t at = 0; at < bytes.size(); at += 1009) {
             std::vector<std::byte> damaged = bytes;
             damaged[at] ^= std::byte(1);
-            CHECK_FALSE(bool(decodeCheckpoint(damaged, 77, resumed)));
+            CHECK_FALSE(bool(decodeCheckpoint(damaged, "--seed 77\n", resumed)));
         }
     }
 }

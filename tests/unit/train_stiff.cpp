@@ -198,6 +198,15 @@ TEST_CASE("an overexposed capture is told from a bright highlight")
         data.intensity = 120;
         checkWarns(data, {"above 1", "check exposure"});
     }
+    SUBCASE("a twentieth of it is, and looks white in training")
+    {
+        data.edit = [](Image& image) {
+            for (int y = 0; y < image.height; y += 4)
+                for (int x = 0; x < image.width; x += 4)
+                    if (image.pixel(x, y)[3] > 0.5f) image.pixel(x, y)[1] = 1.5f;
+        };
+        checkWarns(data, {" % of the object's pixels", "above 1", "check exposure"});
+    }
     SUBCASE("a highlight of 20 is what highlights are")
     {
         data.edit = [](Image& image) { image.pixel(16, 16)[0] = 20.0f; };

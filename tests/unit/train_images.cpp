@@ -1,0 +1,143 @@
+// Images that cannot be used are found, named and left out; all else stays as it was.
+#include "train/image_screen.h"
+
+#include "interchange/png.h"
+#include "train/preparation.h"
+#include "train/training_steps.h"
+
+#include <doctest/doctest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <glm/gtc/matrix_transform.hpp>
+
+using namespace nacre;
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kSize = 16;
+
+/// Twelve images of a grey square on a ring of cameras, the light beside each camera.
+struct Folder {
+    fs::path path;
+    OlatDataset dataset;
+    explicit Folder(const char* name) : path(fs::temp_directory_path() / name)
+    {
+        fs::remove_all(path), fs::create_directories(path);
+        OlatSplit& train = dataset.splits.emplace_back();
+        train.name = "train";
+        dataset.colorSpace = ColorSpace::kSrgb;
+        for (uint32_t i = 0; i < 12; ++i) {
+            Camera c;
+            c.width = c.height = kSize, c.fx = c.fy = 20, c.cx = c.cy = kSize / 2;
+            const glm::dvec3 eye(3 * std::cos(0.5 * i), 3 * std::sin(0.5 * i), 1.0);
+            c.worldFromCamera = glm::inverse(glm::lookAt(eye, glm::dvec3(0), glm::dvec3(0, 0, 1)));
+            train.cameras.push_back(c);
+            Light light;
+            light.position = glm::vec3(eye) + glm::vec3(0, 0, 0.5f), light.intensity = glm::vec3(10);
+            train.images.push_back({i, light, (path / (std::to_string(i) + ".png")).string()});
+            write(i, kSize, 120);
+        }
+    }
+    ~Folder() { fs::remove_all(path); }
+    OlatSplit& train() { return dataset.splits[0]; }
+    void write(uint32_t i, int size, uint8_t grey) const
+    {
+        std::vector<uint8_t> rgba(size_t(4 * size * size));
+        for (size_t p = 0; p < rgba.size(); p += 4)
+            if (p / 4 % 2) rgba[p] = rgba[p + 1] = rgba[p + 2] = grey, rgba[p + 3] = 255;
+        REQUIRE(bool(writePng(dataset.splits[0].images[i].path, size, size, 4, rgba)));
+    }
+    Result<std::vector<UnusableImage>> look() const { return unusableImages(dataset, dataset.splits[0], {}, nullptr); }
+};
+
+} // namespace
+
+TEST_CASE("a cut, an empty, a vanished, an odd-sized and a black image are left out by name, and only these")
+{
+    Folder f("nacre_test_images");
+    const auto none = f.look();
+    REQUIRE(bool(none));
+    CHECK(none->empty());
+
+    fs::resize_file(f.train().images[1].path, fs::file_size(f.train().images[1].path) / 2);
+    fs::remove(f.train().images[4].path);
+    f.write(7, kSize + 1, 120);
+    f.write(9, kSize, 0);
+    const auto found = f.look();
+    REQUIRE(bool(found));
+    REQUIRE(found->size() == 4);
+    size_t k = 0;
+    for (const size_t i : {1, 4, 7, 9}) {
+        CHECK((*found)[k].path == f.train().images[i].path);
+        CHECK((*found)[k++].why.find(f.train().images[i].path) != std::string::npos);
+    }
+    const OlatDataset rest = without(f.dataset, "train", *found);
+    CHECK(rest.splits[0].images.size() == 8);
+    CHECK(rest.splits[0].cameras.size() == 12);
+
+    std::ofstream(f.train().images[2].path, std::ios::trunc).close(); // the fifth of twelve
+    const auto refused = f.look();
+    REQUIRE_FALSE(bool(refused));
+    CHECK(refused.error().code == ErrorCode::kBadInput);
+    CHECK(refused.error().message.find("5 of 12") != std::string::npos);
+}
+
+TEST_CASE("black is no fault where the light is behind the object, or off")
+{
+    Folder f("nacre_test_black");
+    f.write(0, kSize, 0), f.write(1, kSize, 0), f.write(2, kSize, 0);
+    f.train().images[0].light.position *= -1.0f;
+    f.train().images[1].light.intensity = glm::vec3(0);
+    const auto found = f.look();
+    REQUIRE(bool(found));
+    REQUIRE(found->size() == 1);
+    CHECK((*found)[0].path == f.train().images[2].path);
+}
+
+TEST_CASE("every model: an image that vanishes while training is left out of its steps; a disk that is gone ends it")
+{
+    for (const char* model : {"bigs", "sss"}) {
+        CAPTURE(model);
+        Folder f("nacre_test_vanished");
+        TrainingImages images(f.dataset, f.train(), 1); // keeps nothing
+        TrainerOptions options;
+        options.sceneSize = 1;
+        Trainer trainer(options, makeTrainableAppearance(model, {}));
+        const OrientedPoint point{{0, 0, 0}, {0, 0, 1}};
+        trainer.initialize(std::span(&point, 1), 0.5f, true);
+        TrainingSteps steps(f.train(), images, StepOrder(groupByCamera(f.train()), 1), trainer, nullptr);
+        fs::remove(f.train().images[3].path);
+        int empty = 0;
+        for (int step = 1; step <= 12; ++step) {
+            const auto stats = steps.take({step, 0.1, 1.0});
+            REQUIRE(bool(stats));
+            CHECK(std::isfinite(stats->loss));
+            empty += stats->count == 0;
+        }
+        CHECK(empty == 1); // one pass through the cameras
+        REQUIRE(steps.lost().size() == 1);
+        CHECK(steps.lost()[0].path == f.train().images[3].path);
+
+        fs::remove_all(f.path);
+        Status gone = ok();
+        for (int step = 13; step <= 24 && gone; ++step)
+            if (const auto stats = steps.take({step, 0.1, 1.0}); !stats) gone = stats.error();
+        REQUIRE_FALSE(bool(gone));
+        CHECK(gone.error().code == ErrorCode::kIo); // the same command can go on when it is back
+    }
+}
+
+TEST_CASE("images that no step could hold in memory are refused with figures, usual ones are not")
+{
+    Camera camera;
+    camera.width = camera.height = 8192;
+    const Status refused = checkMemory(camera, size_t(16) << 30);
+    REQUIRE_FALSE(bool(refused));
+    CHECK(refused.error().code == ErrorCode::kUnsupported);
+    CHECK(refused.error().message.find("16 GiB") != std::string::npos);
+    CHECK(bool(checkMemory(camera, size_t(64) << 30)));
+    camera.width = camera.height = 2048;
+    CHECK(bool(checkMemory(camera, size_t(4) << 30)));
+}
