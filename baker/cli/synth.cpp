@@ -4,59 +4,22 @@
 #include "base/file.h"
 #include "base/hash.h"
 #include "dataset/dataset_writer.h"
-#include "interchange/exr.h"
 #include "interchange/gltf.h"
 #include "light_stage/placement.h"
-#include "light_stage/stage_plan.h"
 #include "light_stage/synth.h"
 #include "stage_spec.h"
+#include "synth_plan.h"
+#include "synth_report.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
-#include <numbers>
 #include <optional>
 #include <thread>
 
 namespace nacre::cli {
 
 namespace fs = std::filesystem;
-
-static constexpr double kLeakWarning = 0.005; // of the walks; below that a picture does not show it
-static constexpr double kBackFaceWarning = 0.01; // of the object in any picture
-
-struct SynthArguments {
-    std::string mesh, output, like, json, subsurfaceFile, fur;
-    std::string lightsPerCamera = "4", layout = "rings", hemisphere = "upper", size, testSamples = "4x", convention = "canonical", shard = "1/1";
-    std::vector<std::string> splits, subsurface;
-    StageOptions stage;
-    int samples = 64, threads = 0;
-    double noise = 0, indirectRoughness = double(RenderSettings().indirectRoughness);
-    bool keepScale = false;
-};
-
-/// A file of the dataset that is not an image: copied, or else made.
-struct EnvironmentFile {
-    std::string source, name;
-    Image (*make)() = nullptr;
-};
-
-struct StageWork {
-    OlatDataset plan; // environment paths are those of `maps`, in the output folder
-    std::vector<EnvironmentFile> maps;
-    std::string likeText; // what the plan was copied from, for the settings
-};
-
-static std::string hexText(uint64_t hash) { return format("%016llx", static_cast<unsigned long long>(hash)); }
-
-template <class T>
-static uint64_t hashOf(const std::vector<T>& values, uint64_t hash)
-{
-    const uint64_t count = values.size();
-    return fnv1a(values.data(), values.size() * sizeof(T), fnv1a(&count, sizeof count, hash));
-}
 
 /// Of the file and of what it refers to: buffers and images end up in the arrays.
 static Result<uint64_t> hashMesh(const std::string& path, const MeshScene& scene)
@@ -70,163 +33,6 @@ static Result<uint64_t> hashMesh(const std::string& path, const MeshScene& scene
     }
     for (const MeshTexture& t : scene.textures) hash = hashOf(t.rgba, hash);
     return hash;
-}
-
-/// Gives each distinct map file a name of its own in the dataset.
-class MapNames {
-public:
-    MapNames(std::string folder, std::vector<EnvironmentFile>& files) : folder_(std::move(folder)), files_(files) {}
-
-    std::string add(const std::string& source, Image (*make)() = nullptr)
-    {
-        for (const EnvironmentFile& f : files_)
-            if (f.source == source) return (fs::path(folder_) / f.name).string();
-        const std::string stem = fs::path(source).stem().string();
-        std::string name = stem + ".exr";
-        const auto taken = [&] { return std::any_of(files_.begin(), files_.end(), [&](const EnvironmentFile& f) { return f.name == name; }); };
-        for (int i = 2; taken(); ++i) name = stem + format("_%d.exr", i);
-        files_.push_back({source, name, make});
-        return (fs::path(folder_) / name).string();
-    }
-
-private:
-    std::string folder_;
-    std::vector<EnvironmentFile>& files_;
-};
-
-static Result<uint64_t> hashMap(const EnvironmentFile& file)
-{
-    if (file.make) return fnv1a(file.name.data(), file.name.size());
-    const auto bytes = readFile(file.source);
-    if (!bytes) return bytes.error();
-    return hashOf(*bytes, kFnvOffset);
-}
-
-static Status checkMap(const std::string& path)
-{
-    const auto size = readExr(path);
-    if (!size) return Error{size.error().code, "--environment: " + size.error().message};
-    if (size->width != 2 * size->height)
-        warn("--environment '" + path + format("': %dx%d pixels; an equirectangular map is twice as wide as high", size->width, size->height));
-    return ok();
-}
-
-/// The camera for an image `width` pixels wide.
-static Camera scaled(Camera camera, PixelSize size)
-{
-    const double s = double(size.width) / camera.width;
-    camera.width = size.width, camera.height = size.height;
-    for (double* x : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *x *= s;
-    return camera;
-}
-
-static uint64_t hashLight(const Light& light, uint64_t hash)
-{
-    const float numbers[] = {float(light.type), light.position.x, light.position.y, light.position.z, light.directionToLight.x,
-                             light.directionToLight.y, light.directionToLight.z, light.intensity.r, light.intensity.g, light.intensity.b};
-    hash = fnv1a(numbers, sizeof numbers, hash);
-    if (light.group)
-        for (const Light& member : *light.group) hash = hashLight(member, hash);
-    return hash;
-}
-
-static uint64_t hashPlan(const OlatDataset& plan)
-{
-    uint64_t hash = kFnvOffset;
-    for (const OlatSplit& split : plan.splits) {
-        hash = fnv1a(split.name.data(), split.name.size(), hash);
-        for (const OlatImage& image : split.images) {
-            const Camera& c = split.cameras[image.camera];
-            const double numbers[] = {double(c.width), double(c.height), c.fx, c.fy, c.cx, c.cy};
-            hash = hashLight(image.light, fnv1a(&c.worldFromCamera, sizeof c.worldFromCamera, fnv1a(numbers, sizeof numbers, hash)));
-        }
-    }
-    return hash;
-}
-
-/// The plan of another dataset, whole.
-static Result<StageWork> planLike(const SynthArguments& args)
-{
-    StageWork work;
-    auto dataset = openDataset(args.like);
-    if (!dataset) return dataset.error();
-    work.plan = std::move(*dataset);
-    work.plan.warnings.clear(); // shown
-    PixelSize size;
-    if (!args.size.empty()) {
-        const auto parsed = parseStageSize(args.size);
-        if (!parsed) return parsed.error();
-        size = *parsed;
-    }
-    MapNames maps(args.output, work.maps);
-    for (OlatSplit& split : work.plan.splits) {
-        for (Camera& camera : split.cameras) {
-            if (size.width == 0) continue;
-            if (int64_t(size.width) * camera.height != int64_t(size.height) * camera.width)
-                return Error{ErrorCode::kBadInput, format("--size %dx%d: the cameras of '%s' have %dx%d pixels; keep that shape", size.width,
-                                                          size.height, args.like.c_str(), camera.width, camera.height)};
-            camera = scaled(camera, size);
-        }
-        for (OlatImage& image : split.images)
-            if (image.light.type == LightType::kEnvironment) image.light.environmentPath = maps.add(image.light.environmentPath);
-    }
-    uint64_t hash = hashPlan(work.plan);
-    for (const EnvironmentFile& map : work.maps) {
-        const auto mapHash = hashMap(map);
-        if (!mapHash) return mapHash.error();
-        hash = fnv1a(&*mapHash, sizeof *mapHash, hash);
-    }
-    work.likeText = fs::path(args.like).lexically_normal().filename().string() + " " + hexText(hash);
-    return work;
-}
-
-static Status readStageOptions(SynthArguments& args)
-{
-    StageOptions& stage = args.stage;
-    const auto lightsPerCamera = parseLightsPerCamera(args.lightsPerCamera);
-    if (!lightsPerCamera) return lightsPerCamera.error();
-    stage.lightsPerCamera = *lightsPerCamera;
-    const auto size = parseStageSize(args.size.empty() ? "256" : args.size);
-    if (!size) return size.error();
-    stage.width = size->width, stage.height = size->height;
-    stage.layout = args.layout == "rings" ? StageLayout::kRings : args.layout == "fibonacci" ? StageLayout::kFibonacci : StageLayout::kGrid;
-    stage.fullSphere = args.hemisphere == "full";
-    return checkStage(stage);
-}
-
-static void warnIfCut(const StageOptions& stage)
-{
-    if (!(stage.fovDegrees > 0)) return;
-    const double shorter = double(std::min(stage.width, stage.height)) / stage.width;
-    const double tanOfSide = shorter * std::tan(0.5 * stage.fovDegrees * std::numbers::pi / 180), d = stage.cameraDistance;
-    if (tanOfSide < 1.0 / std::sqrt(d * d - 1.0)) warn("--fov: the bounding sphere of the object does not fit into the picture; parts may be cut off");
-}
-
-/// The plan of the stage, all splits. `stage.environments` become paths in the output folder.
-static StageWork planOwn(const SynthArguments& args, const Placement& placement)
-{
-    StageWork work;
-    StageOptions stage = args.stage;
-    stage.center = placement.center;
-    stage.objectRadius = placement.radius;
-    MapNames maps(args.output, work.maps);
-    std::vector<std::string> paths;
-    for (const std::string& file : stage.environments) paths.push_back(maps.add(file));
-    if (paths.empty()) paths = {maps.add("env_sunset.exr", sunsetMap), maps.add("env_studio.exr", studioMap)};
-    stage.environments = paths;
-    work.plan = planStage(stage, stageSplits());
-    return work;
-}
-
-static Status keepSplits(OlatDataset& plan, const std::vector<std::string>& wanted)
-{
-    if (wanted.empty()) return ok();
-    std::string names;
-    for (const OlatSplit& split : plan.splits) names += (names.empty() ? "" : ", ") + split.name;
-    for (const std::string& name : wanted)
-        if (!plan.find(name)) return Error{ErrorCode::kBadInput, "--splits: no split '" + name + "'; there are: " + names};
-    std::erase_if(plan.splits, [&](const OlatSplit& s) { return std::find(wanted.begin(), wanted.end(), s.name) == wanted.end(); });
-    return ok();
 }
 
 static Result<std::vector<SubsurfaceOverride>> readSubsurface(const SynthArguments& args, const MeshScene& mesh)
@@ -245,32 +51,6 @@ static Result<std::vector<SubsurfaceOverride>> readSubsurface(const SynthArgumen
     for (const SubsurfaceOverride& o : out)
         if (Status s = checkMaterial(o, mesh); !s) return s.error();
     return out;
-}
-
-static bool isUsed(const OlatDataset& plan, const std::string& path)
-{
-    for (const OlatSplit& split : plan.splits)
-        for (const OlatImage& image : split.images)
-            if (image.light.type == LightType::kEnvironment && image.light.environmentPath == path) return true;
-    return false;
-}
-
-static Status writeMaps(const std::string& folder, const OlatDataset& plan, const std::vector<EnvironmentFile>& maps)
-{
-    for (const EnvironmentFile& map : maps) {
-        const std::string path = (fs::path(folder) / map.name).string();
-        if (!isUsed(plan, path)) continue;
-        std::error_code ignored;
-        if (fs::exists(path, ignored)) continue; // from a run before; the settings say that it is the same
-        if (map.make) {
-            if (Status s = writeExr(map.make(), path); !s) return s;
-            continue;
-        }
-        const auto bytes = readFile(map.source);
-        if (!bytes) return bytes.error();
-        if (Status s = writeFileAtomically(path, *bytes); !s) return s;
-    }
-    return ok();
 }
 
 /// train and all_on get --spp, splits to measure against get --test-spp and half the noise.
@@ -302,72 +82,6 @@ static SynthJob makeJob(const SynthArguments& args, OlatDataset plan, const Plac
     job.plan.path = args.output;
     job.shard = shard.index, job.shards = shard.count;
     return job;
-}
-
-static void warnAbout(const SynthReport& report)
-{
-    for (const SynthReport::Split& s : report.splits) {
-        if (s.emptyCameras > 0)
-            warn(format("split '%s': %zu of %zu cameras see nothing of the object: it is wholly transparent, seen from behind, smaller than a pixel or out of sight",
-                        s.name.c_str(), s.emptyCameras, s.cameras));
-        if (s.backFaces > kBackFaceWarning)
-            warn(format("split '%s': in one picture, %.0f %% of the object shows what is behind back faces of single-sided materials, which glTF hides from "
-                        "cameras; if they should be seen, mark the material doubleSided or turn the triangles round", s.name.c_str(), 100 * s.backFaces));
-        if (s.leakedWalks > kLeakWarning)
-            warn(format("split '%s': %.1f %% of the light paths under a scattering surface left through a hole of it; close the mesh", s.name.c_str(),
-                        100 * s.leakedWalks));
-        if (s.cutWalks > kLeakWarning)
-            warn(format("split '%s': %.1f %% of the light paths under a scattering surface were cut short; the object is many mean free paths thick",
-                        s.name.c_str(), 100 * s.cutWalks));
-        if (s.clipped > 0)
-            warn(format("split '%s': %.2f %% of the object's pixels are brighter than 1 and clipped in 8-bit files", s.name.c_str(), 100 * s.clipped));
-    }
-}
-
-struct Totals {
-    size_t images = 0, written = 0, missing = 0, cameras = 0;
-    double renderSeconds = 0;
-    uint64_t rays = 0;
-    double perCamera() const { return cameras > 0 ? renderSeconds / double(cameras) : 0.0; }
-    double raysPerSecond() const { return renderSeconds > 0 ? double(rays) / renderSeconds : 0.0; }
-};
-
-static Totals totalsOf(const SynthReport& report)
-{
-    Totals t;
-    for (const SynthReport::Split& s : report.splits) {
-        t.images += s.images, t.written += s.written, t.missing += s.missing, t.cameras += s.cameras;
-        t.renderSeconds += s.seconds, t.rays += s.rays;
-    }
-    return t;
-}
-
-static void printReport(const SynthArguments& args, const SynthReport& report, const Totals& t)
-{
-    std::printf("%-12s  %6s  %8s  %7s  %7s  %8s\n", "split", "images", "rendered", "samples", "noise", "s/camera");
-    for (const SynthReport::Split& s : report.splits) {
-        const std::string perCamera = s.cameras > 0 ? format("%.2f", s.seconds / double(s.cameras)) : "-";
-        std::printf("%-12s  %6zu  %8zu  %7s  %7s  %8s\n", oneLine(s.name).c_str(), s.images, s.written,
-                    s.written > 0 ? format("%.0f", s.samplesPerPixel).c_str() : "-",
-                    s.written > 0 && std::isfinite(s.noise) ? format("%.4f", s.noise).c_str() : "-", // one pass has no spread to tell
-                    perCamera.c_str());
-    }
-    std::printf("%s: %s convention, %zu images, %zu rendered in %.1f s: %.2f s per camera, %.2f million rays per second\n", args.output.c_str(),
-                args.convention.c_str(), t.images, t.written, report.seconds, t.perCamera(), t.raysPerSecond() * 1e-6);
-    if (t.missing > 0)
-        std::printf("%zu images are not there yet; the shard that renders the last of a split describes it (or the same command without --shard)\n",
-                    t.missing);
-}
-
-static Json reportJson(const SynthArguments& args, const SynthReport& report, const Totals& t)
-{
-    Json splits = Json::object();
-    for (const SynthReport::Split& s : report.splits)
-        splits[s.name] = {{"images", s.images}, {"rendered", s.written}, {"missing", s.missing}, {"cameras", s.cameras}, {"seconds", s.seconds},
-                          {"samples_per_pixel", s.samplesPerPixel}, {"noise", s.noise}, {"rays", s.rays}};
-    return {{"convention", args.convention}, {"images", t.images}, {"rendered", t.written}, {"missing", t.missing},
-            {"seconds", report.seconds}, {"seconds_per_camera", t.perCamera()}, {"rays_per_second", t.raysPerSecond()},
-            {"splits", splits}};
 }
 
 /// The object in its own frame, and what it is made of.
