@@ -4,9 +4,12 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <functional>
 #include <new>
 #include <optional>
+#include <set>
 
 namespace nacre {
 
@@ -20,24 +23,86 @@ struct JsonDocument::State {
 
 static const json& valueOf(const void* v) { return *static_cast<const json*>(v); }
 
-Result<JsonDocument> JsonDocument::parse(std::span<const std::byte> text, const std::string& name)
+/// Where and what: "line 3, column 14 (byte 57): NaN is not JSON; ...". `at` is the first byte that does not fit.
+static std::string syntaxError(std::string_view text, size_t at)
 {
-    const char* begin = reinterpret_cast<const char*>(text.data());
-    const char* end = begin + text.size();
+    const auto isWord = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '+' || c == '-' || c == '.'; };
+    if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") || text.substr(0, 4).find('\0') != std::string_view::npos)
+        return "at byte 1: the text is not UTF-8 (UTF-16?); save it as UTF-8";
+    at = std::min(at, text.size());
+    size_t first = at; // of the word that the byte stands in
+    if (at > 0 && at < text.size() && text[at] == '"') first = std::min(first, text.rfind('"', at - 1)); // the parser stops where a text ends
+    while (first > 0 && isWord(text[first - 1])) --first;
+    size_t last = at;
+    while (last < text.size() && last - first < 40 && isWord(text[last])) ++last;
+    const std::string_view word = text.substr(first, last - first);
+
+    size_t before = first; // what stands before the word, white space left out
+    while (before > 0 && std::isspace(static_cast<unsigned char>(text[before - 1]))) --before;
+    const char previous = before > 0 ? text[before - 1] : '\0', here = at < text.size() ? text[at] : '\0';
+    std::string lower(word);
+    for (char& c : lower) c = char(std::tolower(static_cast<unsigned char>(c)));
+    const std::string_view name = std::string_view(lower).substr(!lower.empty() && (lower[0] == '-' || lower[0] == '+'));
+    std::string why;
+    if (at == text.size()) why = "the file ends too early";
+    else if (name == "nan" || name == "inf" || name == "infinity" || name == "1.#inf" || name == "1.#qnan")
+        why = inQuotes(word) + " is not JSON; write a finite number, and look for what made it";
+    else if (name == "true" || name == "false" || name == "none" || name == "undefined")
+        why = inQuotes(word) + " is not JSON; expected true, false or null";
+    else if ((here == '/' || here == '#') || (previous == '/' && before == first)) why = "comments are not JSON; remove them";
+    else if ((here == ']' || here == '}') && previous == ',') why = "a comma before the closing bracket; remove it";
+    else if (here == '"') why = "a text where a comma, a colon or a bracket should be";
+    else if (here == '\'') why = "text in single quotes; use double quotes";
+    else if (static_cast<unsigned char>(here) < 0x20 && !std::isspace(static_cast<unsigned char>(here))) why = "a control character";
+    else if (here == '\n' || here == '\r') why = "a line break inside a text";
+    else if (!word.empty() && (std::isdigit(static_cast<unsigned char>(name.empty() ? word[0] : name[0])) || word[0] == '.' || word[0] == '+'))
+        why = inQuotes(word) + " is not a number as JSON writes it";
+    else why = "unexpected " + inQuotes(word.empty() ? text.substr(at, 1) : word);
+
+    const size_t place = at == text.size() ? at : first;
+    const auto line = 1 + std::count(text.begin(), text.begin() + ptrdiff_t(place), '\n');
+    const size_t lineStart = text.substr(0, place).rfind('\n') + 1; // npos + 1 is 0
+    return "at line " + std::to_string(line) + ", column " + std::to_string(place - lineStart + 1) + " (byte " + std::to_string(place + 1) + "): " + why;
+}
+
+/// Watches for a key that is there twice in one object: one of the two values would win without a word.
+class DuplicateKeys {
+public:
+    std::string found; // the first one
+    bool operator()(int, json::parse_event_t event, json& parsed)
+    {
+        if (event == json::parse_event_t::object_start) open_.emplace_back();
+        else if (event == json::parse_event_t::object_end) open_.pop_back();
+        else if (event == json::parse_event_t::key && !open_.back().insert(parsed.get_ref<const std::string&>()).second && found.empty())
+            found = inQuotes(parsed.get_ref<const std::string&>());
+        return true;
+    }
+
+private:
+    std::vector<std::set<std::string>> open_;
+};
+
+Result<JsonDocument> JsonDocument::parse(std::span<const std::byte> bytes, const std::string& name)
+{
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
     JsonDocument doc;
     doc.state_ = std::make_shared<State>();
     doc.state_->name = name;
+    DuplicateKeys duplicates;
     try {
-        doc.state_->value = json::parse(begin, end);
-    } catch (const json::parse_error& e) {
-        const char* at = begin + std::min(e.byte, text.size());
-        return Error{ErrorCode::kBadInput, name + ": not valid JSON at line " + std::to_string(1 + std::count(begin, at, '\n')) +
-                                               (e.byte >= text.size() ? " (the file ends too early)" : "")};
+        doc.state_->value = json::parse(text.begin(), text.end(), std::ref(duplicates));
+    } catch (const json::parse_error& e) { // e.byte counts from 1
+        return Error{ErrorCode::kBadInput, name + ": not valid JSON " + syntaxError(text, std::max<size_t>(e.byte, 1) - 1)};
     } catch (const std::bad_alloc&) {
-        return Error{ErrorCode::kIo, name + ": out of memory while parsing " + std::to_string(text.size()) + " bytes of JSON"};
-    } catch (const std::exception&) { // a number like 1e999
-        return Error{ErrorCode::kBadInput, name + ": JSON holds a number out of range"};
+        return Error{ErrorCode::kIo, name + ": out of memory while parsing " + std::to_string(bytes.size()) + " bytes of JSON"};
+    } catch (const std::exception& e) { // "... number overflow parsing '1e999'"
+        const std::string_view what = e.what();
+        const size_t from = what.find('\''), to = what.rfind('\'');
+        const std::string_view number = from < to && to != std::string_view::npos ? what.substr(from + 1, to - from - 1) : std::string_view();
+        return Error{ErrorCode::kBadInput, name + ": JSON holds a number out of range" + (number.empty() ? "" : ": " + inQuotes(number))};
     }
+    if (!duplicates.found.empty())
+        return Error{ErrorCode::kBadInput, name + ": the key " + duplicates.found + " is there twice in one object; remove one of them"};
     return doc;
 }
 

@@ -21,7 +21,8 @@ class JsonNode;
 
 class JsonDocument {
 public:
-    /// `name` stands for the file in error messages. Any input is safe; error kBadInput with the line if it is not JSON, kIo out of memory.
+    /// `name` stands for the file in error messages. Any input is safe; error kBadInput with line, column,
+    /// byte and likely cause if it is not JSON, or if a key is there twice in one object; kIo out of memory.
     static Result<JsonDocument> parse(std::span<const std::byte> text, const std::string& name);
 
     JsonNode root() const;

@@ -51,3 +51,48 @@ TEST_CASE("JSON keys, booleans and long strings; a mismatch of kind is an error"
     CHECK(!fails([](const JsonNode& n) { return n.number(1.0); }));
     CHECK(fails([](const JsonNode& n) { return n.number(0.5); }));
 }
+
+TEST_CASE("text that is not JSON is reported with line, column, byte and cause")
+{
+    const struct {
+        std::string text;
+        std::initializer_list<const char*> words;
+    } cases[] = {
+        {"{\n \"a\": NaN}", {"line 2, column 7 (byte 9)", "'NaN'"}},
+        {"[1, 2, nan]", {"line 1, column 8 (byte 8)", "'nan'"}},
+        {"[-Infinity]", {"byte 2", "'-Infinity'"}},
+        {"[+inf]", {"byte 2", "'+inf'"}},
+        {"{\"a\": [1, 2,]}", {"column 13 (byte 13)", "comma"}},
+        {"{\"a\": 1,\n}", {"line 2, column 1", "comma"}},
+        {"{ // words\n}", {"byte 3", "comments"}},
+        {"# words\n{}", {"byte 1", "comments"}},
+        {"{\"a\": 1 /* words */}", {"comments"}},
+        {"{'a': 1}", {"byte 2", "double quotes"}},
+        {"{\"a\": True}", {"'True'", "true"}},
+        {"{\"a\": None}", {"'None'", "null"}},
+        {"{\"a\": 1 \"b\": 2}", {"byte 9"}},
+        {"{\"a\": 01}", {"'01'"}},
+        {"{\"a\": .5}", {"'.5'"}},
+        {"{\"a\": +5}", {"'+5'"}},
+        {std::string("\xff\xfe{\0}\0", 6), {"UTF-8"}},
+        {std::string("{\0}\0", 4), {"UTF-8"}},
+        {"{\"a\": 1", {"byte 8", "ends too early"}},
+        {"", {"ends too early"}},
+        {"{\"a\": 1e999}", {"out of range", "1e999"}},
+        {"{\"a\": {\"b\": 1, \"c\": 2, \"b\": 3}}", {"'b'", "twice"}},
+    };
+    for (const auto& c : cases) {
+        const Result<JsonDocument> document = JsonDocument::parse(std::as_bytes(std::span(c.text)), "x.json");
+        CAPTURE(c.text);
+        REQUIRE(!document);
+        CAPTURE(document.error().message);
+        CHECK(document.error().message.starts_with("x.json: "));
+        CHECK(document.error().message.find('\n') == std::string::npos);
+        for (const char* word : c.words) {
+            CAPTURE(word);
+            CHECK(document.error().message.find(word) != std::string::npos);
+        }
+    }
+    parse("\xef\xbb\xbf{\"a\": 1}");                           // a byte order mark of UTF-8 is harmless
+    parse(R"([{"a": {"a": 1}, "b": 2}, {"a": 1, "b": 3}])"); // equal keys of different objects
+}
