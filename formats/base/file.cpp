@@ -4,6 +4,7 @@
 // temporary in the same folder (rename does not cross file systems), every byte written and synced, then renamed.
 #include "base/file.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <csignal>
@@ -11,6 +12,7 @@
 #include <cstring>
 #include <fcntl.h>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <sys/stat.h>
 #include <system_error>
@@ -113,6 +115,21 @@ Result<std::vector<std::byte>> readFile(const std::string& path, size_t maxBytes
     }
     bytes.resize(used);
     return bytes;
+}
+
+Result<FileStart> readFileStart(const std::string& path, size_t count)
+{
+    const auto fail = [&](const std::string& why) { return Error{ErrorCode::kBadInput, "cannot read '" + path + "': " + why}; };
+    std::error_code ec;
+    FileStart out;
+    out.fileSize = size_t(std::filesystem::file_size(path, ec));
+    if (ec) return fail(ec.message());
+    std::ifstream file(path, std::ios::binary);
+    if (!file) return fail("it cannot be opened");
+    out.bytes.resize(std::min(count, out.fileSize));
+    file.read(reinterpret_cast<char*>(out.bytes.data()), std::streamsize(out.bytes.size()));
+    out.bytes.resize(size_t(file.gcount()));
+    return out;
 }
 
 Status writeFileAtomically(const std::string& path, std::span<const std::byte> bytes)

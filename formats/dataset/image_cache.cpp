@@ -1,6 +1,6 @@
 // Images on demand: decode, convert to linear premultiplied, check, keep the most recently used within a byte budget.
 //
-// Conversion, by the flags of the dataset:
+// Conversion, by the flags of the dataset (EXR is linear whatever they say):
 //   linear, premultiplied       as stored
 //   linear, straight            rgb * a
 //   sRGB, premultiplied         linearFromSrgb(rgb)       the file holds the encoded premultiplied colour; checked on SSS-GS
@@ -11,23 +11,60 @@
 #include "dataset/olat_dataset.h"
 
 #include "base/color.h"
+#include "base/text.h"
 #include "interchange/exr.h"
 #include "interchange/png.h"
 
 #include <cmath>
+#include <cstdio>
+#include <functional>
 #include <list>
+#include <map>
 #include <mutex>
+#include <set>
 #include <unordered_map>
 
 namespace nacre {
 namespace {
 
 constexpr float kAlphaSlack = 1e-3f; // half-float and lossy compression round; within this alpha is clamped to [0, 1]
+// Filters with negative lobes overshoot at a step by up to 9 % (Lanczos) or 7 % (bicubic) a direction, so 19 % in corners.
+constexpr float kAlphaOvershoot = 0.2f;
 
-bool isPng(const std::string& path)
+bool isExr(const std::string& path)
 {
     const size_t n = path.size();
-    return n >= 4 && path[n - 4] == '.' && (path[n - 3] | 32) == 'p' && (path[n - 2] | 32) == 'n' && (path[n - 1] | 32) == 'g';
+    return n >= 4 && path[n - 4] == '.' && (path[n - 3] | 32) == 'e' && (path[n - 2] | 32) == 'x' && (path[n - 1] | 32) == 'r';
+}
+
+/// How the colours of one file are stored.
+struct Encoding {
+    ColorSpace colorSpace;
+    bool premultiplied;
+};
+
+using Note = std::function<void(const std::string& kind, const std::string& path)>;
+
+/// Linear if the file says so and nobody else does. What it says and does not get goes to `note`.
+ColorSpace colorSpaceOf(const PngColor& color, ColorSpace assumed, bool isGuess, const std::string& path, const Note& note)
+{
+    if (assumed == ColorSpace::kLinear && !isGuess) return assumed;
+    const auto near = [&](double gamma) { return std::fabs(color.gamma - gamma) < 0.03; }; // 1/2.2 is written as 0.45, 0.4545, 0.4762
+    if (color.isSrgb) return assumed;
+    std::string profile = color.profile;
+    for (char& c : profile) c = char(std::tolower(static_cast<unsigned char>(c)));
+    if (!profile.empty() && profile.find("srgb") == std::string::npos)
+        note("have the colour profile " + inQuotes(color.profile) + ", which is not applied: they are read as sRGB; convert them to sRGB", path);
+    if (profile.empty() && near(1.0)) {
+        if (isGuess) return ColorSpace::kLinear; // as PNG demands
+        note("say that they are linear (gAMA 1) and the description says srgb: they are read as sRGB; correct color_space or the files", path);
+    } else if (profile.empty() && color.gamma > 0 && !near(1 / 2.2)) {
+        char gamma[32];
+        std::snprintf(gamma, sizeof gamma, "%.3g", color.gamma);
+        note(std::string("have gAMA ") + gamma + ", which is not applied: they are read as sRGB; convert them to sRGB", path);
+    }
+    if (profile.empty() && !areRec709(color.primaries)) note("have primaries (cHRM) other than those of sRGB, which are not applied; convert them to sRGB", path);
+    return assumed;
 }
 
 /// Exact for 8-bit values (k/255 = 257k/65535) and 16-bit ones.
@@ -41,22 +78,27 @@ const std::vector<float>& linearFromSrgbTable()
     return kTable;
 }
 
-Status convert(Image& image, ColorSpace colorSpace, bool premultiplied, const std::string& path)
+Status convert(Image& image, Encoding encoding, const std::string& path, const Note& note)
 {
     const std::vector<float>& table = linearFromSrgbTable();
+    bool clamped = false;
     for (size_t i = 0; i < image.rgba.size(); i += 4) {
         float* p = image.rgba.data() + i;
-        if (!(p[3] >= -kAlphaSlack && p[3] <= 1.0f + kAlphaSlack)) {
+        if (!(p[3] >= -kAlphaOvershoot && p[3] <= 1.0f + kAlphaOvershoot)) {
             const size_t pixel = i / 4, w = size_t(image.width);
             return Error{ErrorCode::kBadInput, path + ": alpha " + std::to_string(p[3]) + " at pixel (" + std::to_string(pixel % w) + ", " +
-                                                   std::to_string(pixel / w) + "), expected 0 to 1"};
+                                                   std::to_string(pixel / w) + "), expected 0 to 1" +
+                                                   (p[3] > 2 ? "; is alpha stored as 0 to 255, or is it depth?" : "")};
         }
+        clamped = clamped || p[3] < -kAlphaSlack || p[3] > 1.0f + kAlphaSlack;
         p[3] = std::fmin(std::fmax(p[3], 0.0f), 1.0f);
         for (int c = 0; c < 3; c++) {
-            if (colorSpace == ColorSpace::kSrgb) p[c] = table[size_t(std::lround(p[c] * 65535.0f))]; // PNG values are in [0, 1]
-            if (!premultiplied) p[c] *= p[3];
+            if (encoding.colorSpace == ColorSpace::kSrgb) p[c] = table[size_t(std::lround(p[c] * 65535.0f))]; // PNG values are in [0, 1]
+            if (!encoding.premultiplied) p[c] *= p[3];
         }
     }
+    if (clamped) note("have alpha a little outside 0 to 1, which is clamped: a resizing filter with negative lobes (Lanczos, bicubic) does that; resize "
+                      "with a box or area filter", path);
     return ok();
 }
 
@@ -90,7 +132,7 @@ struct ImageCache::State {
         std::shared_ptr<const Image> image;
     };
     ColorSpace colorSpace;
-    bool premultiplied;
+    bool colorSpaceIsGuess, premultiplied, straightPng;
     int shrink;
     size_t budgetBytes;
 
@@ -98,6 +140,24 @@ struct ImageCache::State {
     std::list<Entry> recent;  // most recently used first
     std::unordered_map<std::string, std::list<Entry>::iterator> entryOfPath;
     size_t residentBytes = 0;
+    std::map<std::string, std::set<std::string>> noted; // the files of each kind of note; a file may be decoded more than once
+
+    Result<Image> decode(const std::string& path)
+    {
+        const Note note = [&](const std::string& kind, const std::string& file) {
+            const std::lock_guard lock(mutex);
+            noted[kind].insert(file);
+        };
+        PngColor color;
+        Result<Image> decoded = isExr(path) ? readExr(path) : readPng(path, &color);
+        if (!decoded) return decoded;
+        const Encoding encoding = isExr(path) ? Encoding{ColorSpace::kLinear, premultiplied}
+                                              : Encoding{colorSpaceOf(color, colorSpace, colorSpaceIsGuess, path, note), premultiplied && !straightPng};
+        if (Status s = convert(*decoded, encoding, path, note); !s) return s.error();
+        if (shrink > 1) *decoded = shrunk(*decoded, shrink);
+        decoded->rgba.shrink_to_fit(); // the decoder grows it row by row
+        return decoded;
+    }
 
     std::shared_ptr<const Image> find(const std::string& path)
     {
@@ -127,7 +187,9 @@ struct ImageCache::State {
 ImageCache::ImageCache(const OlatDataset& dataset, size_t budgetBytes) : state_(std::make_unique<State>())
 {
     state_->colorSpace = dataset.colorSpace;
+    state_->colorSpaceIsGuess = dataset.colorSpaceIsGuess;
     state_->premultiplied = dataset.premultiplied;
+    state_->straightPng = dataset.straightPng;
     state_->shrink = dataset.shrink;
     state_->budgetBytes = budgetBytes;
 }
@@ -138,6 +200,15 @@ size_t ImageCache::residentBytes() const
 {
     const std::lock_guard lock(state_->mutex);
     return state_->residentBytes;
+}
+
+std::vector<std::string> ImageCache::notes() const
+{
+    const std::lock_guard lock(state_->mutex);
+    std::vector<std::string> out;
+    for (const auto& [kind, files] : state_->noted)
+        out.push_back(std::to_string(files.size()) + " of the images looked at, " + inQuotes(*files.begin()) + " among them, " + kind);
+    return out;
 }
 
 Result<std::shared_ptr<const Image>> ImageCache::load(const OlatSplit& split, size_t imageIndex)
@@ -151,11 +222,8 @@ Result<std::shared_ptr<const Image>> ImageCache::load(const OlatSplit& split, si
         image = state_->find(entry.path);
     }
     if (!image) {
-        Result<Image> decoded = isPng(entry.path) ? readPng(entry.path) : readExr(entry.path);
+        Result<Image> decoded = state_->decode(entry.path);
         if (!decoded) return decoded.error();
-        if (Status s = convert(*decoded, state_->colorSpace, state_->premultiplied, entry.path); !s) return s.error();
-        if (state_->shrink > 1) *decoded = shrunk(*decoded, state_->shrink);
-        decoded->rgba.shrink_to_fit(); // the decoder grows it row by row
         image = std::make_shared<const Image>(std::move(*decoded));
         const std::lock_guard lock(state_->mutex);
         if (std::shared_ptr<const Image> other = state_->find(entry.path)) image = other;

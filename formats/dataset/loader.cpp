@@ -46,20 +46,34 @@ glm::dmat4 readPose(const JsonNode& matrix)
     return rigidPose(pose, matrix);
 }
 
-glm::dmat4 rigidPose(const glm::dmat4& pose, const JsonNode& node)
+glm::dmat4 rigidPose(const glm::dmat4& given, const JsonNode& node)
 {
-    for (int c = 0; c < 4; c++)
-        if (!(std::fabs(pose[c][3] - (c == 3 ? 1.0 : 0.0)) < 1e-6)) { // positive test, so NaN fails
-            node.fail("last row 0 0 0 1", brief(pose[c][3]) + " in column " + std::to_string(c));
-            return glm::dmat4(1.0);
-        }
+    const auto isLast = [](const glm::dvec4& v) { // (0, 0, 0, w); positive tests, so NaN fails
+        return std::fabs(v.x) < kRigidTolerance && std::fabs(v.y) < kRigidTolerance && std::fabs(v.z) < kRigidTolerance && std::fabs(v.w - 1) < kRigidTolerance;
+    };
+    const glm::dmat4 transposed = glm::transpose(given); // its columns are the rows
+    if (!isLast(transposed[3])) {
+        const bool swapped = isLast(given[3]);
+        std::string found;
+        for (int c = 0; c < 4; c++) found += (c ? " " : "") + brief(given[c][3]);
+        node.fail("last row 0 0 0 1", found + (swapped ? ", and 0 0 0 1 in the last column: the matrix is transposed" : ""));
+        return glm::dmat4(1.0);
+    }
+    const glm::dmat4 pose = given * (1.0 / given[3][3]);
     glm::dmat3 r(pose);
     const glm::dmat3 gram = glm::transpose(r) * r;
-    double worst = 0;
+    const double scale2 = (gram[0][0] + gram[1][1] + gram[2][2]) / 3;
+    double worst = 0, worstScaled = 0; // against the unit matrix, and against a multiple of it
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) worst = std::max(worst, std::fabs(gram[i][j] - (i == j ? 1.0 : 0.0)));
+        for (int j = 0; j < 3; j++) {
+            worst = std::max(worst, std::fabs(gram[i][j] - (i == j ? 1.0 : 0.0)));
+            worstScaled = std::max(worstScaled, std::fabs(gram[i][j] / scale2 - (i == j ? 1.0 : 0.0)));
+        }
     if (!(worst < 2 * kRigidTolerance)) {
-        node.fail("a rigid pose (orthonormal rotation)", "columns that are off by " + brief(worst) + "; remove scale and shear from the camera");
+        if (worstScaled < 2 * kRigidTolerance)
+            node.fail("a rigid pose (orthonormal rotation)", "a rotation scaled by " + brief(std::sqrt(scale2)) +
+                                                                 "; divide the first three columns by it, and check that positions of cameras and lights share one unit");
+        else node.fail("a rigid pose (orthonormal rotation)", "columns that are off by " + brief(worst) + "; remove scale and shear from the camera");
         return glm::dmat4(1.0);
     }
     if (!(glm::determinant(r) > 0)) {
@@ -79,47 +93,6 @@ glm::dmat4 rigidPose(const glm::dmat4& pose, const JsonNode& node)
     return out;
 }
 
-void readIntrinsics(const JsonNode& frame, const JsonNode& top, Camera& camera)
-{
-    camera.cx = 0.5 * camera.width;
-    camera.cy = 0.5 * camera.height;
-    JsonNode source = frame["camera_angle_x"];
-    for (const JsonNode* scope : {&frame, &top}) {
-        const JsonNode all = (*scope)["camera_intrinsics"], focal = (*scope)["fl_x"], angle = (*scope)["camera_angle_x"];
-        if (all.exists()) {
-            const std::vector<double> k = all.numbers(4);
-            camera.cx = k[0], camera.cy = k[1], camera.fx = k[2], camera.fy = k[3];
-            source = all;
-        } else if (focal.exists()) {
-            camera.fx = focal.number();
-            camera.fy = (*scope)["fl_y"].exists() ? (*scope)["fl_y"].number() : camera.fx;
-            source = focal;
-        } else if (angle.exists()) {
-            const double a = angle.number();
-            if (!(a > 0 && a < std::numbers::pi)) {
-                angle.fail("a field of view between 0 and pi radians", brief(a));
-                return;
-            }
-            camera.fx = camera.fy = 0.5 * camera.width / std::tan(0.5 * a);
-            source = angle;
-        } else {
-            if (scope == &top) source.fail("camera_angle_x, fl_x or camera_intrinsics in the frame or at top level", "none of them");
-            continue;
-        }
-        break;
-    }
-    for (const JsonNode* scope : {&top, &frame}) {
-        if ((*scope)["cx"].exists()) camera.cx = (*scope)["cx"].number();
-        if ((*scope)["cy"].exists()) camera.cy = (*scope)["cy"].number();
-    }
-    // 1e-3 and 1e3 image widths: from a fisheye's to a telescope's focal length.
-    const double size = std::max(camera.width, camera.height);
-    if (!(std::min(camera.fx, camera.fy) > 1e-3 * size && std::max(camera.fx, camera.fy) < 1e3 * size))
-        source.fail("positive focal lengths of about the image size in pixels", brief(camera.fx) + ", " + brief(camera.fy));
-    if (!(std::fabs(camera.cx) <= 10 * size && std::fabs(camera.cy) <= 10 * size))
-        source.fail("a principal point near the image", brief(camera.cx) + ", " + brief(camera.cy));
-}
-
 glm::vec3 readVec3(const JsonNode& node)
 {
     const std::vector<double> v = node.numbers(3);
@@ -136,24 +109,52 @@ glm::vec3 readIntensity(const JsonNode& node)
     return {float(v[0]), float(v[1]), float(v[2])};
 }
 
-std::string findImage(const DatasetSource& source, const std::string& folder, const std::string& file, const JsonNode& node)
+std::string findImage(const DatasetSource& source, const std::string& folder, const std::string& file, const JsonNode& node, const std::string& assumed)
 {
-    const std::string path = (std::filesystem::path(source.path) / folder / file).lexically_normal().string();
-    if (file.empty() || !source.fileExists(path)) node.fail("an existing file", "no file " + inQuotes(path));
+    const auto pathOf = [&](const std::string& name) { return (std::filesystem::path(source.path) / folder / name).lexically_normal().string(); };
+    std::vector<std::string> endings = {""};
+    if (!assumed.empty()) endings.insert(endings.begin(), assumed);
+    if (const std::string e = extensionOf(file); e != ".png" && e != ".exr")
+        for (const char* usual : {".png", ".exr", ".PNG", ".EXR", ".jpg", ".jpeg"}) endings.push_back(usual);
+    for (const std::string& ending : endings)
+        if (!file.empty() && source.fileExists(pathOf(file + ending))) return pathOf(file + ending);
+    for (const std::string& name : {file + assumed, file}) // but for capitals in the extension
+        for (const bool upper : {false, true}) {
+            std::filesystem::path other(name);
+            std::string extension = other.extension().string();
+            for (char& c : extension) c = char(upper ? std::toupper(static_cast<unsigned char>(c)) : std::tolower(static_cast<unsigned char>(c)));
+            const std::string path = pathOf(other.replace_extension(extension).string());
+            if (!file.empty() && !extension.empty() && source.fileExists(path)) return path;
+        }
+    const std::string path = pathOf(file + (extensionOf(file).empty() ? assumed : ""));
+    if (source.missing.count++ == 0) source.missing.first = node, source.missing.path = path;
     return path;
 }
 
-Status SizeFromFirstImage::apply(const std::string& imagePath, Camera& camera)
+FileColors readFileColors(const DatasetSource& source)
 {
-    if (width_ == 0) {
-        const Result<Image> size = source_.readImageSize(imagePath);
-        if (!size) return size.error();
-        width_ = size->width;
-        height_ = size->height;
+    FileColors out;
+    for (const Description& description : source.descriptions) {
+        const JsonNode top = description.json.root(), space = top["color_space"], alpha = top["alpha"];
+        if (space.exists()) {
+            const std::string name = space.string();
+            if (name != "linear" && name != "srgb") space.fail("\"linear\" or \"srgb\"", inQuotes(name));
+            const ColorSpace here = name == "srgb" ? ColorSpace::kSrgb : ColorSpace::kLinear;
+            if (out.colorSpace.value_or(here) != here) space.fail("the same color_space in every split", "another one");
+            out.colorSpace = here;
+        }
+        if (alpha.exists()) {
+            const std::string name = alpha.string();
+            if (name != "straight" && name != "premultiplied") alpha.fail("\"straight\" or \"premultiplied\"", inQuotes(name));
+            const bool here = name == "premultiplied";
+            if (out.premultiplied.value_or(here) != here) alpha.fail("the same alpha in every split", "another one");
+            out.premultiplied = here;
+        }
+        const JsonNode background = top["background"];
+        if (background.isString() && background.string() != "black")
+            background.fail("\"black\"", inQuotes(background.string()) + "; composite the images over black, or keep straight alpha and say \"alpha\": \"straight\"");
     }
-    camera.width = width_;
-    camera.height = height_;
-    return ok();
+    return out;
 }
 
 void SplitBuilder::add(const Camera& camera, const Light& light, std::string path)

@@ -8,6 +8,7 @@
 #include <array>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,7 +28,16 @@ struct DatasetSource {
     std::vector<Description> descriptions;                          // train first, then test, then by name; olat_* by number
     std::string excludeList;                                        // text of exclude_list.txt, empty if there is none
     std::function<bool(const std::string&)> fileExists;
-    std::function<Result<Image>(const std::string&)> readImageSize; // `rgba` stays empty
+    std::function<Result<Image>(const std::string&)> readImageSize; // from the file's header; `rgba` stays empty
+
+    // What loaders leave here as they go.
+    struct Missing {
+        size_t count = 0;
+        JsonNode first{nullptr, nullptr, ""}; // the key that named it
+        std::string path;
+    };
+    mutable Missing missing;                 // images and maps that are not there: one error tells their number
+    mutable std::array<int, 2> lastSize{};   // of the last image whose header was read
 };
 
 /// Picks the loader, runs it, checks the result. loadDataset = read the disk + this.
@@ -53,29 +63,41 @@ std::string extensionOf(const std::string& path);
 /// 4x4 row-major camera-to-world, OpenGL camera axes.
 glm::dmat4 readPose(const JsonNode& matrix);
 
-/// Accepts a pose that is rigid to 1e-3 and removes what is left of scale and shear; otherwise records a mismatch at `node`.
+/// Accepts a pose that is rigid to 1e-3 and removes what is left of scale and shear; otherwise records a mismatch at `node`, which names
+/// a transposed matrix and one scale for all axes.
 glm::dmat4 rigidPose(const glm::dmat4& pose, const JsonNode& node);
 
+/// Size of the image: `width` (or `w`), `height` (or `h`), from the frame or else from the top level, else from the file's header.
+/// A file that cannot be read (it may only be damaged) counts as large as the one before. False if that leaves the size unknown; then an error
+/// is recorded, or the missing file is.
+bool readSize(const DatasetSource& source, const JsonNode& frame, const JsonNode& top, const std::string& imagePath, Camera& camera);
+
 /// Focal lengths and principal point, from the frame or else from the top level. In each: `camera_intrinsics` [cx, cy, fx, fy],
-/// else `fl_x` (and `fl_y`), else `camera_angle_x` (radians, horizontal, square pixels); `cx`, `cy` default to the centre.
+/// else `fl_x` or `camera_angle_x` and `fl_y` or `camera_angle_y` (radians), of which one is enough for square pixels; two for the same must
+/// agree. `cx`, `cy` default to the centre. Lens distortion that is not 0 is a mismatch of code kUnsupported.
 void readIntrinsics(const JsonNode& frame, const JsonNode& top, Camera& camera);
+
+/// Error if the headers of most files give another size than the description.
+Status checkSizes(const DatasetSource& source, const OlatDataset& dataset);
+
+/// Warns of intrinsics that are possible and yet are hardly meant: principal point far off, very short focal lengths, oblong pixels.
+void checkIntrinsics(OlatDataset& dataset);
+
+/// What the top levels say of how colours are stored: `color_space` "linear" | "srgb", `alpha` "straight" | "premultiplied". Splits that
+/// disagree, and a `background` that is not black, are mismatches.
+struct FileColors {
+    std::optional<ColorSpace> colorSpace;
+    std::optional<bool> premultiplied;
+};
+FileColors readFileColors(const DatasetSource& source);
 
 glm::vec3 readVec3(const JsonNode& node);
 glm::vec3 readIntensity(const JsonNode& node); // a scalar or [r, g, b], not negative
 
-/// `file` relative to `folder` of the dataset; a mismatch at `node` if it does not exist.
-std::string findImage(const DatasetSource& source, const std::string& folder, const std::string& file, const JsonNode& node);
-
-/// Size of the images of a split whose description does not say: that of the first one. The rest is checked when loaded.
-class SizeFromFirstImage {
-public:
-    explicit SizeFromFirstImage(const DatasetSource& source) : source_(source) {}
-    Status apply(const std::string& imagePath, Camera& camera);
-
-private:
-    const DatasetSource& source_;
-    int width_ = 0, height_ = 0;
-};
+/// `file` relative to `folder` of the dataset: with the extension `assumed`, as it is, or with one of the usual ones; capitals of the extension
+/// do not matter. What does not exist is counted in source.missing.
+std::string findImage(const DatasetSource& source, const std::string& folder, const std::string& file, const JsonNode& node,
+                      const std::string& assumed = "");
 
 /// Collects images; cameras with equal pose and intrinsics share one entry.
 class SplitBuilder {

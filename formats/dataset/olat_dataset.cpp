@@ -28,6 +28,7 @@ constexpr Loader kLoaders[] = { // the first that recognises its marks wins
     {"canonical", isCanonical, loadCanonical},
 };
 
+constexpr const char* kLoneFile = "transforms.json"; // one file for all that there is: a train set
 constexpr size_t kMaxJsonBytes = size_t(1) << 28; // the largest published set needs about 20 MB
 
 Status addDescription(DatasetSource& source, const std::string& folder, const std::string& fileName)
@@ -37,7 +38,7 @@ Status addDescription(DatasetSource& source, const std::string& folder, const st
     if (!text) return text.error();
     const Result<JsonDocument> json = JsonDocument::parse(*text, path);
     if (!json) return json.error();
-    std::string split = fs::path(fileName).stem().string();
+    std::string split = fileName == kLoneFile ? "train" : fs::path(fileName).stem().string();
     if (split.starts_with("transforms_")) split.erase(0, std::string("transforms_").size());
     source.descriptions.push_back({folder, split, *json});
     return ok();
@@ -46,12 +47,13 @@ Status addDescription(DatasetSource& source, const std::string& folder, const st
 /// Train first, test second, then by name: what a person expects to read, and the same on every file system.
 std::tuple<int, std::string> splitOrder(const std::string& fileName)
 {
-    return {fileName == "transforms_train.json" ? 0 : fileName == "transforms_test.json" ? 1 : 2, fileName};
+    return {fileName == "transforms_train.json" || fileName == kLoneFile ? 0 : fileName == "transforms_test.json" ? 1 : 2, fileName};
 }
 
 struct Listing {
     std::vector<std::string> files;                        // transforms_*.json
     std::vector<std::pair<int, std::string>> lightFolders; // olat_<i>, by number
+    std::string other;                                     // some other .json: a hint at what was meant
 };
 
 Result<Listing> listFolder(const std::string& path)
@@ -62,13 +64,15 @@ Result<Listing> listFolder(const std::string& path)
         return Error{ErrorCode::kBadInput, inQuotes(path) + " is not a folder; expected a dataset with transforms_*.json or olat_*/"};
     for (fs::directory_iterator it(path, ec), end; !ec && it != end; it.increment(ec)) {
         const std::string name = it->path().filename().string();
-        if (name.starts_with("transforms_") && name.ends_with(".json")) out.files.push_back(name);
+        if ((name.starts_with("transforms_") && name.ends_with(".json")) || name == kLoneFile) out.files.push_back(name);
+        else if (name.ends_with(".json") && (out.other.empty() || name < out.other)) out.other = name;
         if (!name.starts_with("olat_")) continue;
         int light = 0;
         const auto [last, status] = std::from_chars(name.data() + 5, name.data() + name.size(), light);
         if (status == std::errc() && last == name.data() + name.size()) out.lightFolders.emplace_back(light, name);
     }
     if (ec) return Error{ErrorCode::kBadInput, inQuotes(path) + ": cannot list the folder: " + ec.message()};
+    if (std::count(out.files.begin(), out.files.end(), "transforms_train.json")) std::erase(out.files, kLoneFile);
     std::sort(out.files.begin(), out.files.end(), [](const auto& a, const auto& b) { return splitOrder(a) < splitOrder(b); });
     std::sort(out.lightFolders.begin(), out.lightFolders.end());
     return out;
@@ -90,12 +94,14 @@ Result<DatasetSource> readSource(const std::string& path)
         if (!listing) return listing.error();
         for (const std::string& file : listing->files)
             if (Status s = addDescription(source, "", file); !s) return s.error();
+        if (listing->files.empty() && listing->lightFolders.empty())
+            return Error{ErrorCode::kBadInput, inQuotes(path) + ": no transforms_<split>.json and no olat_<i> folders; not a dataset folder" +
+                                                   (listing->other.empty() ? "" : " (it has " + inQuotes(listing->other) +
+                                                    "; rename it to transforms_train.json, or give that file)")};
         if (listing->files.empty())
             for (const auto& [light, folder] : listing->lightFolders)
                 if (Status s = addDescription(source, folder, "transforms_train.json"); !s) return s.error();
     }
-    if (source.descriptions.empty())
-        return Error{ErrorCode::kBadInput, inQuotes(path) + ": no transforms_<split>.json and no olat_<i> folders; not a dataset folder"};
 
     const std::string excludePath = (fs::path(source.path) / "exclude_list.txt").string();
     if (fs::is_regular_file(excludePath, ec)) {
@@ -106,14 +112,50 @@ Result<DatasetSource> readSource(const std::string& path)
     return source;
 }
 
-/// Only formats that ImageCache reads, and no sRGB-encoded EXR: those are linear by definition.
-Status checkFormat(const OlatDataset& dataset, const OlatImage& image)
+/// Counted, and the first named.
+Status checkMissing(const DatasetSource& source, const OlatDataset& dataset)
 {
-    const std::string extension = extensionOf(image.path);
-    if (extension != ".exr" && extension != ".png")
-        return Error{ErrorCode::kUnsupported, "image " + inQuotes(image.path) + ": expected .exr or .png; convert it first"};
-    if (extension == ".exr" && dataset.colorSpace == ColorSpace::kSrgb)
-        return Error{ErrorCode::kBadInput, "image " + inQuotes(image.path) + ": an EXR in a dataset with color_space srgb; EXR is linear"};
+    if (source.missing.count == 0) return ok();
+    size_t images = 0;
+    for (const OlatSplit& split : dataset.splits) images += split.images.size();
+    source.missing.first.fail("an existing file", "no file " + inQuotes(source.missing.path) + "; " + std::to_string(source.missing.count) + " of " +
+                                                      std::to_string(images) + " images are missing");
+    for (const Description& d : source.descriptions)
+        if (d.json.failed()) return d.json.error();
+    return ok();
+}
+
+/// Each file goes by its kind, unless the description says otherwise. Only formats that ImageCache reads.
+Status decideColors(const DatasetSource& source, OlatDataset& dataset)
+{
+    size_t png = 0, exr = 0;
+    const OlatImage* firstExr = nullptr;
+    for (const OlatSplit& split : dataset.splits)
+        for (const OlatImage& image : split.images) {
+            const std::string extension = extensionOf(image.path);
+            if (extension != ".exr" && extension != ".png")
+                return Error{ErrorCode::kUnsupported, "image " + inQuotes(image.path) + ": expected .exr or .png; convert it first"};
+            ++(extension == ".exr" ? exr : png);
+            if (extension == ".exr" && !firstExr) firstExr = &image;
+        }
+    const FileColors said = readFileColors(source);
+    for (const Description& d : source.descriptions)
+        if (d.json.failed()) return d.json.error();
+    if (png == 0 && said.colorSpace == ColorSpace::kSrgb)
+        return Error{ErrorCode::kBadInput, "image " + inQuotes(firstExr->path) + ": an EXR in a dataset with color_space srgb; EXR is linear"};
+    if (png == 0) dataset.colorSpace = ColorSpace::kLinear;
+    else if (said.colorSpace) dataset.colorSpace = *said.colorSpace;
+    dataset.colorSpaceIsGuess = !said.colorSpace;
+    if (said.premultiplied) dataset.premultiplied = *said.premultiplied, dataset.straightPng = false;
+    if (exr == 0 && dataset.straightPng) dataset.premultiplied = false;
+    if (exr == 0 || png == 0) dataset.straightPng = false;
+
+    if (!said.colorSpace && png > 0 && dataset.convention == "canonical")
+        dataset.warnings.push_back("no color_space: PNG images are taken as sRGB; write \"color_space\": \"srgb\" or \"linear\" into " +
+                                   source.descriptions[0].json.name());
+    if (png > 0 && exr > 0)
+        dataset.warnings.push_back(std::to_string(png) + " PNG images are read as " + (dataset.colorSpace == ColorSpace::kSrgb ? "sRGB" : "linear") + ", " +
+                                   std::to_string(exr) + " EXR images as linear: the dataset mixes them");
     return ok();
 }
 
@@ -131,14 +173,16 @@ Result<OlatDataset> loadFrom(const DatasetSource& source)
         OlatDataset dataset;
         dataset.path = source.path;
         dataset.convention = loader.convention;
+        source.missing = {}, source.lastSize = {};
         if (Status s = loader.load(source, dataset); !s) return s.error();
         if (dataset.splits.empty()) return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": no split has images"};
-        for (const OlatSplit& split : dataset.splits) {
+        for (const OlatSplit& split : dataset.splits)
             if (split.images.empty())
                 return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": split " + inQuotes(split.name) + " is empty, expected at least one image"};
-            for (const OlatImage& image : split.images)
-                if (Status s = checkFormat(dataset, image); !s) return s.error();
-        }
+        if (Status s = checkMissing(source, dataset); !s) return s.error();
+        if (Status s = decideColors(source, dataset); !s) return s.error();
+        if (Status s = checkSizes(source, dataset); !s) return s.error();
+        checkIntrinsics(dataset);
         return dataset;
     }
     return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": frames have none of the keys light, pl_pos, file_paths; unknown dataset convention"};

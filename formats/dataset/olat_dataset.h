@@ -31,8 +31,10 @@ struct OlatSplit {
 struct OlatDataset {
     std::string path;
     std::string convention;         // "canonical", "plpos", "sssgs", "bigs"
-    ColorSpace colorSpace = ColorSpace::kLinear; // of the files; loaded images are always linear
+    ColorSpace colorSpace = ColorSpace::kLinear; // of the PNG files (EXR is linear); loaded images are always linear
+    bool colorSpaceIsGuess = false; // nothing but the kind of file says so: a PNG that says otherwise (gAMA) is believed
     bool premultiplied = true;      // of the files; loaded images always are
+    bool straightPng = false;       // PNG files beside EXR ones: straight, whatever `premultiplied` says
     glm::vec3 up{0, 0, 1};          // which world axis is up
     int shrink = 1;                 // loaded images are means over so many pixels of the file in each direction; cameras are of these
     std::vector<OlatSplit> splits;
@@ -58,8 +60,11 @@ class ImageCache {
 public:
     ImageCache(const OlatDataset& dataset, size_t budgetBytes);
     ~ImageCache();
-    /// Linear, premultiplied, size checked against the camera, finite, alpha in [0, 1] (1 if the file has none).
+    /// Linear, premultiplied, size checked against the camera, finite, alpha in [0, 1] (1 if the file has none). Alpha that a filter left a
+    /// little outside is clamped, and a PNG's own word on its colours (gAMA) holds where the dataset has none.
     Result<std::shared_ptr<const Image>> load(const OlatSplit& split, size_t imageIndex);
+    /// What was found in the files loaded so far that may not be meant: one line a kind, with their number and the first.
+    std::vector<std::string> notes() const;
     size_t residentBytes() const;
 
 private:

@@ -7,6 +7,7 @@
 
 #include "base/file.h"
 #include "base/text.h"
+#include "interchange/primaries.h"
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -14,11 +15,13 @@
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <half.h>
+#include <map>
 #include <new>
 #include <stdexcept>
 
@@ -31,6 +34,8 @@ constexpr int kMaxChannels = 256;           // light groups and AOVs of a render
 constexpr int kMaxTileHeight = 1024;        // the library holds a row of tiles at once
 constexpr int kMaxOrigin = 1 << 24;         // window corners; keeps differences far from int overflow
 constexpr int kBandRows = 32;
+constexpr size_t kHeaderBytes = 1 << 16;    // most headers are below 1 kB; a preview image is about 40 kB
+const std::string kAbsentAlpha = "nacre.absent alpha"; // a channel that no file has: the library fills it with a constant
 constexpr float kHalfMax = 65504.0f;
 
 struct Window {
@@ -175,18 +180,84 @@ private:
     size_t at_ = 0;
 };
 
-/// Which of R, G, B, A are there; an error naming what was found if R, G or B is not.
-Status checkChannels(const Imf::ChannelList& channels, const std::string& name, bool& hasAlpha)
+/// The channels of the file that become R, G, B, A. Luminance: one name three times. No alpha: an empty name.
+struct PictureChannels {
+    std::string names[4];
+};
+
+/// "ViewLayer.Combined.R" -> layer "ViewLayer.Combined", channel "R" (in capitals).
+struct ChannelName {
+    std::string layer, channel;
+    explicit ChannelName(const std::string& name)
+    {
+        const size_t dot = name.rfind('.');
+        layer = dot == std::string::npos ? "" : name.substr(0, dot);
+        channel = name.substr(dot + 1); // npos + 1 is 0
+        for (char& c : channel) c = char(std::toupper(static_cast<unsigned char>(c)));
+        if (channel == "RED" || channel == "GREEN" || channel == "BLUE" || channel == "ALPHA") channel.resize(1);
+    }
+};
+
+constexpr const char* kNotLuminance[] = {"X", "Z", "RY", "BY"}; // beside Y: positions, or luminance with subsampled chroma
+
+/// The picture among the channels; an error that lists what was found if there is none, or no telling which.
+Result<PictureChannels> findPicture(const Imf::ChannelList& channels, const std::string& name)
 {
     std::string found;
-    for (auto c = channels.begin(); c != channels.end(); ++c) found += (found.empty() ? "" : ", ") + std::string(c.name());
-    for (const char* wanted : {"R", "G", "B", "A"}) {
-        const Imf::Channel* c = channels.findChannel(wanted);
-        if (!c && *wanted == 'A') continue;
-        if (!c) return bad(name, "channels " + oneLine(found, kMaxQuote) + ", expected R, G, B and optionally A");
-        if (c->xSampling != 1 || c->ySampling != 1) return bad(name, std::string("channel ") + wanted + " is subsampled");
+    std::map<std::string, std::map<std::string, std::string>> layers; // names in the file by layer and channel
+    for (auto c = channels.begin(); c != channels.end(); ++c) {
+        found += (found.empty() ? "" : ", ") + std::string(c.name());
+        const ChannelName parts(c.name());
+        layers[parts.layer].emplace(parts.channel, c.name());
     }
-    hasAlpha = channels.findChannel("A") != nullptr;
+    const auto isCombined = [](const std::string& layer) { return layer == "Combined" || layer.ends_with(".Combined"); };
+    std::vector<std::string> pictures, combined;
+    for (const auto& [layer, of] : layers)
+        if (of.count("R") && of.count("G") && of.count("B")) {
+            pictures.push_back(layer);
+            if (isCombined(layer)) combined.push_back(layer);
+        }
+    if (pictures.size() > 1 && pictures[0].empty()) pictures.resize(1); // R, G, B without a layer: the picture itself
+    else if (combined.size() == 1) pictures = combined;
+    if (pictures.size() > 1) {
+        std::string list;
+        for (const std::string& p : pictures) list += (list.empty() ? "" : ", ") + p;
+        return bad(name, std::to_string(pictures.size()) + " layers have colours: " + oneLine(list, kMaxQuote) + "; save the one that is meant alone");
+    }
+
+    PictureChannels out;
+    const bool isLuminance = pictures.empty() && layers.count("") && layers[""].count("Y") &&
+                             std::none_of(std::begin(kNotLuminance), std::end(kNotLuminance), [&](const char* c) { return layers[""].count(c) > 0; });
+    if (pictures.empty() && !isLuminance)
+        return bad(name, "channels " + oneLine(found, kMaxQuote) + ", expected R, G, B (or Y) and optionally A");
+    const auto& of = layers[isLuminance ? "" : pictures[0]];
+    for (size_t k = 0; k < 3; ++k) out.names[k] = of.at(isLuminance ? "Y" : std::string(1, "RGB"[k]));
+    if (of.count("A")) out.names[3] = of.at("A");
+    for (const std::string& wanted : out.names) {
+        if (wanted.empty()) continue;
+        const Imf::Channel& c = *channels.findChannel(wanted);
+        if (c.xSampling != 1 || c.ySampling != 1) return bad(name, "channel " + oneLine(wanted, kMaxQuote) + " is subsampled; save all pixels of it");
+        if (c.type != Imf::HALF && c.type != Imf::FLOAT)
+            return bad(name, "channel " + oneLine(wanted, kMaxQuote) + " holds whole numbers, expected half or float");
+    }
+    return out;
+}
+
+/// From the primaries of the header to those of Rec.709.
+Status convertPrimaries(Image& image, const Imf::Header& header, const std::string& name)
+{
+    if (!Imf::hasChromaticities(header)) return ok();
+    const Imf::Chromaticities& c = Imf::chromaticities(header);
+    const auto xy = [](const Imath::V2f& v) { return glm::dvec2(v.x, v.y); };
+    const Primaries primaries{xy(c.red), xy(c.green), xy(c.blue), xy(c.white)};
+    if (areRec709(primaries)) return ok();
+    const std::optional<glm::dmat3> toRec709 = rec709From(primaries);
+    if (!toRec709) return bad(name, "the chromaticities of the header are no colour space; correct them or take them out");
+    const glm::mat3 m(*toRec709);
+    for (size_t i = 0; i < image.rgba.size(); i += 4) {
+        const glm::vec3 rgb = m * glm::vec3(image.rgba[i], image.rgba[i + 1], image.rgba[i + 2]);
+        for (int k = 0; k < 3; ++k) image.rgba[i + size_t(k)] = rgb[k];
+    }
     return ok();
 }
 
@@ -222,8 +293,9 @@ Result<Image> decodeChecked(std::span<const std::byte> bytes, const std::string&
     const Imath::Box2i box = header.dataWindow();
     if (box.min.x != window.minX || box.min.y != window.minY || box.max.x != window.maxX || box.max.y != window.maxY)
         return bad(name, "two different data windows in one header");
-    bool hasAlpha = false;
-    if (Status s = checkChannels(header.channels(), name, hasAlpha); !s) return s.error();
+    const Result<PictureChannels> picture = findPicture(header.channels(), name);
+    if (!picture) return picture.error();
+    const bool isLuminance = picture->names[0] == picture->names[1];
 
     Image image{int(window.width()), 0, {}};
     std::vector<float> band(4 * size_t(image.width) * kBandRows);
@@ -231,16 +303,20 @@ Result<Image> decodeChecked(std::span<const std::byte> bytes, const std::string&
         const int last = std::min(y + kBandRows - 1, window.maxY);
         Imf::FrameBuffer frame;
         for (int c = 0; c < 4; c++) {
-            const char channel[2] = {"RGBA"[c], 0};
+            if (isLuminance && (c == 1 || c == 2)) continue; // filled in below
+            const std::string& channel = picture->names[c].empty() ? kAbsentAlpha : picture->names[c];
             frame.insert(channel, Imf::Slice::Make(Imf::FLOAT, band.data() + c, {window.minX, y}, image.width, last - y + 1,
                                                    4 * sizeof(float), 4 * sizeof(float) * size_t(image.width), 1, 1, c == 3 ? 1.0 : 0.0));
         }
         file.setFrameBuffer(frame);
         file.readPixels(y, last);
+        for (size_t i = 0; isLuminance && i < band.size(); i += 4) band[i + 1] = band[i + 2] = band[i];
         image.rgba.insert(image.rgba.end(), band.begin(), band.begin() + ptrdiff_t(4 * size_t(image.width) * size_t(last - y + 1)));
         image.height += last - y + 1;
     }
     if (Status s = checkFinite(image, name); !s) return s.error();
+    if (Status s = convertPrimaries(image, header, name); !s) return s.error();
+    if (Status s = checkFinite(image, name); !s) return s.error(); // float overflow
     return placeInDisplayWindow(std::move(image), window, display);
 }
 
@@ -270,11 +346,19 @@ Result<Image> readExr(const std::string& path)
 
 Result<Image> readExrSize(const std::string& path)
 {
-    Result<std::vector<std::byte>> bytes = readFile(path);
-    if (!bytes) return bytes.error();
-    HeaderScan scan(*bytes, path);
-    if (Status s = scan.run(); !s) return s.error();
-    return Image{int(scan.display_.width()), int(scan.display_.height()), {}};
+    Result<FileStart> start = readFileStart(path, kHeaderBytes);
+    if (!start) return start.error();
+    for (;;) {
+        HeaderScan scan(start->bytes, path);
+        if (Status s = scan.run(); !s) {
+            if (start->bytes.size() >= start->fileSize) return s.error();
+            start = readFileStart(path, start->fileSize); // a long header
+            if (!start) return start.error();
+            start->fileSize = start->bytes.size();
+            continue;
+        }
+        return Image{int(scan.display_.width()), int(scan.display_.height()), {}};
+    }
 }
 
 Status writeExr(const Image& image, const std::string& path)

@@ -111,10 +111,10 @@ bool JsonDocument::failed() const { return state_->error.has_value(); }
 const Error& JsonDocument::error() const { return *state_->error; }
 const std::string& JsonDocument::name() const { return state_->name; }
 
-void JsonNode::fail(const std::string& expected, const std::string& found) const
+void JsonNode::fail(const std::string& expected, const std::string& found, ErrorCode code) const
 {
     if (document_->error) return;
-    document_->error = Error{ErrorCode::kBadInput, document_->name + ": " + (where_.empty() ? "top level" : where_) + ": expected " + expected +
+    document_->error = Error{code, document_->name + ": " + (where_.empty() ? "top level" : where_) + ": expected " + expected +
                                                        ", found " + found};
 }
 

@@ -62,7 +62,7 @@ public:
     std::vector<double> numbers(size_t count) const;  // array of exactly `count`
 
     /// Records a mismatch at this place: what was expected, what was found.
-    void fail(const std::string& expected, const std::string& found) const;
+    void fail(const std::string& expected, const std::string& found, ErrorCode code = ErrorCode::kBadInput) const;
     const std::string& where() const { return where_; }
 
 private:

@@ -4,10 +4,13 @@
 
 #include "base/file.h"
 
+#include <algorithm>
 #include <array>
 #include <climits>
 #include <cstring>
 #include <memory>
+#include <string_view>
+#include <vector>
 
 #if defined(__GNUC__)
 #pragma GCC diagnostic push
@@ -62,26 +65,26 @@ uint32_t crc32(std::span<const std::byte> bytes)
 }
 
 struct PngHeader {
-    uint32_t width = 0, height = 0, bitDepth = 0;
+    uint32_t width = 0, height = 0, bitDepth = 0, colorType = 0;
 };
 
 constexpr unsigned char kSignature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
 
 /// Reads the first chunk: signature, length 13, "IHDR", width, height, bit depth, colour type.
-Result<PngHeader> readHeader(std::span<const std::byte> bytes, const std::string& name)
+Result<PngHeader> readHeader(std::span<const std::byte> bytes, size_t fileSize, const std::string& name)
 {
     if (bytes.size() < 33 || std::memcmp(bytes.data(), kSignature, 8) != 0 || std::memcmp(bytes.data() + 12, "IHDR", 4) != 0)
-        return bad(name, "not a PNG file (" + std::to_string(bytes.size()) + " bytes)");
-    const PngHeader h{bigEndian(bytes, 16), bigEndian(bytes, 20), uint32_t(bytes[24])};
-    const uint32_t colorType = uint32_t(bytes[25]);
+        return bad(name, "not a PNG file (" + std::to_string(fileSize) + " bytes)");
+    const PngHeader h{bigEndian(bytes, 16), bigEndian(bytes, 20), uint32_t(bytes[24]), uint32_t(bytes[25])};
+    const uint32_t colorType = h.colorType;
     if (h.width < 1 || h.height < 1 || h.width > kMaxSide || h.height > kMaxSide || size_t(h.width) * h.height > kMaxPixels)
         return bad(name, "PNG of " + std::to_string(h.width) + " x " + std::to_string(h.height) +
                              " pixels, expected 1 to 65536 per side and at most 2^28 pixels");
     const size_t samples = colorType == 2 ? 3 : colorType == 4 ? 2 : colorType == 6 ? 4 : 1;
     const size_t rawBytes = (size_t(h.width) * samples * h.bitDepth + 7) / 8 * h.height;
-    if (rawBytes / kMaxDeflateRatio > bytes.size())
+    if (rawBytes / kMaxDeflateRatio > fileSize)
         return bad(name, "PNG header claims " + std::to_string(h.width) + " x " + std::to_string(h.height) + " pixels but the file has only " +
-                             std::to_string(bytes.size()) + " bytes");
+                             std::to_string(fileSize) + " bytes");
     return h;
 }
 
@@ -104,13 +107,86 @@ Status checkChunks(std::span<const std::byte> bytes, const std::string& name)
     }
 }
 
+/// The chunks of a checked file, in order: kind and data.
+template <class F>
+void forEachChunk(std::span<const std::byte> bytes, F&& f)
+{
+    for (size_t at = 8; at + 12 <= bytes.size();) {
+        const size_t length = bigEndian(bytes, at);
+        const std::string_view kind(reinterpret_cast<const char*>(bytes.data()) + at + 4, 4);
+        f(kind, bytes.subspan(at + 8, length));
+        if (kind == "IEND") return;
+        at += length + 12;
+    }
+}
+
+PngColor colorOf(std::span<const std::byte> bytes)
+{
+    PngColor out;
+    bool pixels = false; // what comes after them does not count
+    forEachChunk(bytes, [&](std::string_view kind, std::span<const std::byte> data) {
+        pixels = pixels || kind == "IDAT";
+        if (pixels) return;
+        if (kind == "gAMA" && data.size() == 4) out.gamma = bigEndian(data, 0) / 1e5;
+        if (kind == "sRGB" && data.size() == 1) out.isSrgb = true;
+        if (kind == "iCCP") {
+            const auto* name = reinterpret_cast<const char*>(data.data());
+            out.profile.assign(name, std::find(name, name + std::min<size_t>(data.size(), 80), '\0'));
+            if (out.profile.empty()) out.profile = "without a name";
+        }
+        if (kind == "cHRM" && data.size() == 32) {
+            const auto xy = [&](size_t i) { return glm::dvec2(bigEndian(data, 8 * i) / 1e5, bigEndian(data, 8 * i + 4) / 1e5); };
+            out.primaries = {xy(1), xy(2), xy(3), xy(0)};
+        }
+    });
+    return out;
+}
+
+void appendChunk(std::vector<std::byte>& out, std::string_view kind, std::span<const std::byte> data)
+{
+    for (int shift = 24; shift >= 0; shift -= 8) out.push_back(std::byte(data.size() >> shift));
+    const size_t start = out.size();
+    for (char c : kind) out.push_back(std::byte(c));
+    out.insert(out.end(), data.begin(), data.end());
+    const uint32_t crc = crc32(std::span(out).subspan(start));
+    for (int shift = 24; shift >= 0; shift -= 8) out.push_back(std::byte(crc >> shift));
+}
+
+/// stb takes the colour of an index beyond the palette from memory that nothing has set. So the same pixels are decoded with the palette
+/// 0, 1, 2, ..., which gives the indices.
+Status checkPalette(std::span<const std::byte> bytes, const PngHeader& header, const std::string& name)
+{
+    if (header.colorType != 3) return ok();
+    std::array<std::byte, 768> identity{};
+    for (size_t i = 0; i < identity.size(); ++i) identity[i] = std::byte(i / 3);
+    std::vector<std::byte> indexed(bytes.begin(), bytes.begin() + 33); // signature and IHDR
+    appendChunk(indexed, "PLTE", identity);
+    size_t colors = 0;
+    forEachChunk(bytes, [&](std::string_view kind, std::span<const std::byte> data) {
+        if (kind == "PLTE") colors = data.size() / 3;
+        if (kind == "IDAT" || kind == "IEND") appendChunk(indexed, kind, data);
+    });
+    if (colors == 0) return bad(name, "broken PNG: colours by index, and no palette");
+    if (indexed.size() > size_t(INT_MAX)) return bad(name, "PNG larger than 2 GiB");
+    int w = 0, h = 0, channels = 0;
+    stbi_uc* decoded = stbi_load_from_memory(reinterpret_cast<const stbi_uc*>(indexed.data()), int(indexed.size()), &w, &h, &channels, 1);
+    const std::unique_ptr<stbi_uc, void (*)(void*)> owner(decoded, stbi_image_free);
+    if (!decoded) return bad(name, std::string("broken PNG: ") + stbi_failure_reason());
+    const stbi_uc *first = decoded, *wrong = std::max_element(first, first + size_t(w) * size_t(h));
+    if (*wrong < colors) return ok();
+    const size_t pixel = size_t(wrong - first);
+    return bad(name, "broken PNG: palette index " + std::to_string(*wrong) + " of " + std::to_string(colors) + " colours at pixel (" +
+                         std::to_string(pixel % size_t(w)) + ", " + std::to_string(pixel / size_t(w)) + ")");
+}
+
 /// Everything stb would believe, checked before it is called.
 Result<PngHeader> checkFile(std::span<const std::byte> bytes, const std::string& name)
 {
-    Result<PngHeader> header = readHeader(bytes, name);
+    Result<PngHeader> header = readHeader(bytes, bytes.size(), name);
     if (!header) return header;
     if (Status s = checkChunks(bytes, name); !s) return s.error();
     if (bytes.size() > size_t(INT_MAX)) return bad(name, "PNG larger than 2 GiB");
+    if (Status s = checkPalette(bytes, *header, name); !s) return s.error();
     return header;
 }
 
@@ -128,10 +204,11 @@ Result<Image8> decodePng8(std::span<const std::byte> bytes, const std::string& n
     return Image8{w, h, std::vector<uint8_t>(decoded, decoded + size_t(w) * size_t(h) * 4)};
 }
 
-Result<Image> decodePng(std::span<const std::byte> bytes, const std::string& name)
+Result<Image> decodePng(std::span<const std::byte> bytes, const std::string& name, PngColor* color)
 {
     const Result<PngHeader> header = checkFile(bytes, name);
     if (!header) return header.error();
+    if (color) *color = colorOf(bytes);
     const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
     const int size = int(bytes.size());
     const bool wide = header->bitDepth == 16;
@@ -147,18 +224,18 @@ Result<Image> decodePng(std::span<const std::byte> bytes, const std::string& nam
     return image;
 }
 
-Result<Image> readPng(const std::string& path)
+Result<Image> readPng(const std::string& path, PngColor* color)
 {
     Result<std::vector<std::byte>> bytes = readFile(path);
     if (!bytes) return bytes.error();
-    return decodePng(*bytes, path);
+    return decodePng(*bytes, path, color);
 }
 
 Result<Image> readPngSize(const std::string& path)
 {
-    Result<std::vector<std::byte>> bytes = readFile(path);
-    if (!bytes) return bytes.error();
-    Result<PngHeader> header = readHeader(*bytes, path);
+    const Result<FileStart> start = readFileStart(path, 64);
+    if (!start) return start.error();
+    const Result<PngHeader> header = readHeader(start->bytes, start->fileSize, path);
     if (!header) return header.error();
     return Image{int(header->width), int(header->height), {}};
 }

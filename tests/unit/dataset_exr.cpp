@@ -170,3 +170,91 @@ TEST_CASE("writing an EXR refuses NaN and infinite pixels and leaves nothing beh
     REQUIRE(!noFolder);
     CHECK(noFolder.error().code == ErrorCode::kIo);
 }
+
+TEST_CASE("the picture of an EXR with layers is the only one, or the only one named Combined; else they are listed")
+{
+    const auto layer = [](const std::string& name) { return std::vector<std::string>{name + ".A", name + ".B", name + ".G", name + ".R"}; };
+    const auto join = [](std::vector<std::string> a, const std::vector<std::string>& b) {
+        a.insert(a.end(), b.begin(), b.end());
+        return a;
+    };
+    ExrBuilder exr;
+    for (const auto& channels : {layer("ViewLayer.Combined"), layer("beauty"), join({"Depth.Z"}, layer("rgba"))}) {
+        exr.channels = channels;
+        const Result<Image> image = decodeExr(exr.build(), "a.exr");
+        REQUIRE_MESSAGE(image, (image ? "" : image.error().message));
+        const size_t first = channels.size() - 4; // the file's order is A, B, G, R
+        for (size_t c = 0; c < 4; ++c) CHECK(image->pixel(2, 1)[c] == exr.value(first + 3 - c, 2, 1));
+    }
+    exr.channels = join(layer("Layer.Combined"), layer("Layer.DiffDir")); // Combined among others
+    const Result<Image> combined = decodeExr(exr.build(), "a.exr");
+    REQUIRE(combined);
+    CHECK(combined->pixel(2, 1)[0] == exr.value(3, 2, 1));
+    exr.channels = {"a.b", "a.g", "a.r"}; // small letters, no alpha
+    const Result<Image> opaque = decodeExr(exr.build(), "a.exr");
+    REQUIRE(opaque);
+    CHECK(opaque->pixel(2, 1)[0] == exr.value(2, 2, 1));
+    CHECK(opaque->pixel(2, 1)[3] == 1.0f);
+
+    for (const auto& two : {join(layer("One.Combined"), layer("Two.Combined")), join(layer("One.Diffuse"), layer("Two.Glossy"))}) {
+        exr.channels = two;
+        const Result<Image> image = decodeExr(exr.build(), "a.exr");
+        REQUIRE(!image);
+        checkError(image.error(), ErrorCode::kBadInput, {"a.exr", "2 layers", "One.", "Two."});
+    }
+}
+
+TEST_CASE("luminance is grey; whole numbers are no colours")
+{
+    ExrBuilder exr;
+    exr.channels = {"A", "Y"};
+    const Result<Image> grey = decodeExr(exr.build(), "a.exr");
+    REQUIRE(grey);
+    for (size_t c = 0; c < 3; ++c) CHECK(grey->pixel(3, 2)[c] == exr.value(1, 3, 2));
+    CHECK(grey->pixel(3, 2)[3] == exr.value(0, 3, 2));
+    exr.channels = {"BY", "RY", "Y"};
+    CHECK(!decodeExr(exr.build(), "a.exr"));
+    exr = {};
+    exr.type = 0;
+    const Result<Image> whole = decodeExr(exr.build(), "a.exr");
+    REQUIRE(!whole);
+    checkError(whole.error(), ErrorCode::kBadInput, {"a.exr", "whole numbers"});
+}
+
+TEST_CASE("chromaticities of an EXR are converted to Rec.709, white to white")
+{
+    struct Case {
+        const char* what;
+        std::vector<float> chromaticities;
+        glm::dvec3 of, is; // of: R, G, B in the file
+    };
+    // is: by the matrices of the ACES documents (Bradford) and of BT.2087
+    const Case cases[] = {{"ACES AP0", {0.7347f, 0.2653f, 0.0f, 1.0f, 0.0001f, -0.077f, 0.32168f, 0.33767f}, {0.3, 0.5, 0.3}, {0.0732, 0.5745, 0.2694}},
+                          {"ACES AP0, white", {0.7347f, 0.2653f, 0.0f, 1.0f, 0.0001f, -0.077f, 0.32168f, 0.33767f}, {1, 1, 1}, {1, 1, 1}},
+                          {"Rec.2020", {0.708f, 0.292f, 0.17f, 0.797f, 0.131f, 0.046f, 0.3127f, 0.329f}, {1, 0, 0}, {1.6605, -0.1246, -0.0182}},
+                          {"XYZ, as colour space", {1, 0, 0, 1, 0, 0, 0.3127f, 0.329f}, {1, 1, 1}, {1, 1, 1}},
+                          {"Rec.709, rounded", {0.64f, 0.33f, 0.3f, 0.6f, 0.15f, 0.06f, 0.313f, 0.329f}, {0.3, 0.5, 0.7}, {0.3, 0.5, 0.7}}};
+    for (const Case& c : cases) {
+        INFO(c.what);
+        ExrBuilder exr;
+        exr.chromaticities = c.chromaticities;
+        Bytes bytes = exr.build();
+        const size_t pixels = bytes.size() - 4 * 4 * 4; // the last line: A, B, G, R, 4 pixels each
+        for (size_t channel = 1; channel < 4; ++channel)
+            for (size_t x = 0; x < 4; ++x) {
+                const float v = float(c.of[int(3 - channel)]);
+                std::memcpy(bytes.data() + pixels + (4 * channel + x) * 4, &v, 4);
+            }
+        const Result<Image> image = decodeExr(bytes, "a.exr");
+        REQUIRE_MESSAGE(image, (image ? "" : image.error().message));
+        for (int k = 0; k < 3; ++k) CHECK(image->pixel(2, 2)[k] == doctest::Approx(c.is[k]).epsilon(1e-3));
+    }
+    for (const std::vector<float>& nonsense : {std::vector<float>(8, 0.0f), std::vector<float>(8, 0.3f), std::vector<float>{0.64f, 0.33f, 0.3f, 0.6f, 0.15f, 0.06f, 1, 0},
+                                               std::vector<float>{NAN, 0.33f, 0.3f, 0.6f, 0.15f, 0.06f, 0.3127f, 0.329f}}) {
+        ExrBuilder exr;
+        exr.chromaticities = nonsense;
+        const Result<Image> image = decodeExr(exr.build(), "a.exr");
+        REQUIRE(!image);
+        checkError(image.error(), ErrorCode::kBadInput, {"a.exr", "chromaticities"});
+    }
+}

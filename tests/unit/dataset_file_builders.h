@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace nacre {
@@ -23,6 +24,8 @@ struct ExrBuilder {
     std::vector<std::string> channels = {"A", "B", "G", "R"}; // sorted, as the format demands
     int32_t dataWindow[4] = {0, 0, 3, 2}, displayWindow[4] = {0, 0, 3, 2};
     int32_t sampling = 1;
+    int32_t type = 2; // FLOAT; 0 UINT
+    std::vector<float> chromaticities; // red, green, blue, white as x, y; empty: the header has none
     uint32_t version = 2;
     float value(size_t channel, int x, int y) const { return float(channel) + 0.25f * float(x) + 16.0f * float(y); }
 
@@ -41,10 +44,15 @@ struct ExrBuilder {
         Bytes list;
         for (const std::string& c : channels) {
             append(list, c.c_str(), c.size() + 1);
-            for (int32_t v : {2, 0, sampling, sampling}) appendValue(list, v); // FLOAT, pLinear + padding
+            for (int32_t v : {type, 0, sampling, sampling}) appendValue(list, v); // pLinear + padding
         }
         appendValue(list, uint8_t(0));
         attribute("channels", "chlist", list);
+        if (!chromaticities.empty()) {
+            Bytes xy;
+            for (float v : chromaticities) appendValue(xy, v);
+            attribute("chromaticities", "chromaticities", xy);
+        }
         attribute("compression", "compression", pod(uint8_t(0)));
         attribute("dataWindow", "box2i", pod(dataWindow[0], dataWindow[1], dataWindow[2], dataWindow[3]));
         attribute("displayWindow", "box2i", pod(displayWindow[0], displayWindow[1], displayWindow[2], displayWindow[3]));
@@ -96,8 +104,9 @@ inline void repairPngChecksums(Bytes& png)
 /// A PNG with one stored (uncompressed) deflate block.
 struct PngBuilder {
     uint32_t width = 2, height = 2;
-    uint8_t bitDepth = 8, colorType = 6; // 0 grey, 2 RGB, 4 grey + alpha, 6 RGBA
+    uint8_t bitDepth = 8, colorType = 6; // 0 grey, 2 RGB, 3 by palette, 4 grey + alpha, 6 RGBA
     std::vector<uint8_t> rows;           // filter byte 0 + samples, per row
+    std::vector<std::pair<std::string, std::vector<uint8_t>>> chunks; // between IHDR and IDAT: PLTE, gAMA, ...
 
     Bytes build() const
     {
@@ -108,6 +117,11 @@ struct PngBuilder {
         appendBig(header, height);
         for (uint8_t b : {bitDepth, colorType, uint8_t(0), uint8_t(0), uint8_t(0)}) appendValue(header, b);
         chunk(out, "IHDR", header);
+        for (const auto& [type, bytes] : chunks) {
+            Bytes content;
+            append(content, bytes.data(), bytes.size());
+            chunk(out, type.c_str(), content);
+        }
         Bytes data;
         for (int b : {0x78, 0x01, 0x01}) appendValue(data, uint8_t(b));
         appendValue(data, uint16_t(rows.size()));

@@ -134,3 +134,76 @@ TEST_CASE("a halved dataset: means of four pixels, the same rays, an odd last ro
         }
     CHECK(!ImageCache(dataset, 1 << 20).load(small.splits[0], 0)); // these cameras are not of the whole images
 }
+
+TEST_CASE("alpha that a filter left a little outside 0 to 1 is clamped, with a note that counts the files")
+{
+    TempFolder folder;
+    const OlatDataset dataset = numberedImages(folder, 3);
+    Image image{kSize, kSize, std::vector<float>(kSize * kSize * 4, 0.5f)};
+    image.rgba[3] = -0.0156f, image.rgba[7] = 1.09f;
+    for (const int i : {0, 2}) REQUIRE(writeExr(image, dataset.splits[0].images[size_t(i)].path));
+    ImageCache cache(dataset, 1);
+    for (int again = 0; again < 2; ++again)
+        for (size_t i = 0; i < 3; ++i) {
+            const auto loaded = cache.load(dataset.splits[0], i);
+            REQUIRE_MESSAGE(loaded, (loaded ? "" : loaded.error().message));
+            if (i != 1) CHECK((*loaded)->rgba[3] == 0.0f);
+            if (i != 1) CHECK((*loaded)->rgba[7] == 1.0f);
+        }
+    REQUIRE(cache.notes().size() == 1);
+    CHECK(mentions(cache.notes()[0], "2 of the images"));
+    CHECK(mentions(cache.notes()[0], "0.exr"));
+    CHECK(mentions(cache.notes()[0], "Lanczos"));
+    image.rgba[3] = 255.0f;
+    REQUIRE(writeExr(image, dataset.splits[0].images[0].path));
+    const auto far = cache.load(dataset.splits[0], 0);
+    REQUIRE(!far);
+    checkError(far.error(), ErrorCode::kBadInput, {"0.exr", "alpha 255", "0 to 255"});
+}
+
+TEST_CASE("what a PNG says of its colours holds where the description says nothing, and is noted where it is not applied")
+{
+    const auto big = [](std::initializer_list<uint32_t> values) {
+        std::vector<uint8_t> out;
+        for (uint32_t v : values)
+            for (int shift = 24; shift >= 0; shift -= 8) out.push_back(uint8_t(v >> shift));
+        return out;
+    };
+    const std::vector<uint8_t> p3 = {'D', 'i', 's', 'p', 'l', 'a', 'y', ' ', 'P', '3', 0, 0};
+    const std::vector<uint8_t> srgb = {'s', 'R', 'G', 'B', ' ', 'I', 'E', 'C', 0, 0};
+    struct Case {
+        const char* what;
+        std::vector<std::pair<std::string, std::vector<uint8_t>>> chunks;
+        bool guess, isLinear;
+        const char* note; // a word of it; empty: none
+    };
+    const Case cases[] = {{"nothing", {}, true, false, ""},
+                          {"display", {{"gAMA", big({45455})}}, true, false, ""},
+                          {"sRGB", {{"sRGB", {0}}, {"gAMA", big({100000})}}, true, false, ""},
+                          {"linear", {{"gAMA", big({100000})}}, true, true, ""},
+                          {"linear, the description says srgb", {{"gAMA", big({100000})}}, false, false, "linear"},
+                          {"1.8", {{"gAMA", big({55556})}}, true, false, "0.556"},
+                          {"profile", {{"iCCP", p3}}, true, false, "Display P3"},
+                          {"profile of sRGB", {{"iCCP", srgb}}, true, false, ""},
+                          {"primaries of sRGB", {{"cHRM", big({31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000})}}, true, false, ""},
+                          {"primaries of P3", {{"cHRM", big({31270, 32900, 68000, 32000, 26500, 69000, 15000, 6000})}}, true, false, "cHRM"}};
+    for (const Case& c : cases) {
+        INFO(c.what);
+        TempFolder folder;
+        PngBuilder png;
+        png.rows = {0, 128, 128, 128, 255, 0, 0, 0, 255, 0, 0, 0, 0, 255, 0, 0, 0, 255};
+        png.chunks = c.chunks;
+        REQUIRE(writeFileAtomically(folder.file("a.png"), png.build()));
+        OlatDataset dataset;
+        dataset.colorSpace = ColorSpace::kSrgb;
+        dataset.colorSpaceIsGuess = c.guess;
+        dataset.splits.push_back({"train", {lookAtOrigin({2, 0, 1}, 2)}, {{0, Light(), folder.file("a.png")}}});
+        ImageCache cache(dataset, 1 << 20);
+        const auto image = cache.load(dataset.splits[0], 0);
+        REQUIRE_MESSAGE(image, (image ? "" : image.error().message));
+        const float stored = 128 / 255.0f;
+        CHECK((*image)->rgba[0] == doctest::Approx(c.isLinear ? stored : linearFromSrgb(stored)));
+        CHECK(cache.notes().size() == (*c.note ? 1 : 0));
+        if (*c.note && !cache.notes().empty()) CHECK(mentions(cache.notes()[0], c.note));
+    }
+}

@@ -99,3 +99,32 @@ TEST_CASE("writing a PNG checks its arguments and fails cleanly")
     REQUIRE(!s);
     CHECK(s.error().code == ErrorCode::kIo);
 }
+
+TEST_CASE("a palette index without a colour is damage, not a hole; those with one are as the palette says")
+{
+    PngBuilder png;
+    png.colorType = 3;
+    png.chunks = {{"PLTE", {255, 0, 0, 0, 255, 0, 0, 0, 255}}, {"tRNS", {255, 128}}};
+    png.rows = {0, 0, 1, 0, 2, 1};
+    const Result<Image> good = decodePng(png.build(), "p.png");
+    REQUIRE_MESSAGE(good, (good ? "" : good.error().message));
+    CHECK(good->pixel(0, 1)[2] == 1.0f);
+    CHECK(good->pixel(1, 0)[1] == 1.0f);
+    CHECK(good->pixel(1, 0)[3] == doctest::Approx(128 / 255.0));
+    for (const uint8_t index : {3, 63, 255}) {
+        png.rows = {0, 0, 1, 0, 2, index};
+        const Result<Image> bad = decodePng(png.build(), "p.png");
+        REQUIRE(!bad);
+        checkError(bad.error(), ErrorCode::kBadInput, {"p.png", ("palette index " + std::to_string(index) + " of 3 colours").c_str(), "(1, 1)"});
+        CHECK(!decodePng8(png.build(), "p.png"));
+    }
+    png.bitDepth = 2; // four indices a byte: 0 3
+    png.rows = {0, 0b00110000, 0, 0};
+    const Result<Image> small = decodePng(png.build(), "p.png");
+    REQUIRE(!small);
+    checkError(small.error(), ErrorCode::kBadInput, {"palette index 3 of 3 colours", "(1, 0)"});
+    png.rows = {0, 0b00100000, 0, 0};
+    CHECK(decodePng(png.build(), "p.png"));
+    png.chunks = {};
+    CHECK(!decodePng(png.build(), "p.png"));
+}

@@ -15,24 +15,6 @@ namespace {
 
 const glm::vec3 kWorldFromLightFrame(-1.0f, 1.0f, -1.0f);
 
-Status rejectDistortion(const Description& description, const JsonNode& frame)
-{
-    for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"})
-        for (const JsonNode& scope : {frame, description.json.root()}) {
-            const JsonNode k = scope[key];
-            if (k.exists() && k.number() != 0.0)
-                return Error{ErrorCode::kUnsupported, description.json.name() + ": " + k.where() +
-                                                          ": lens distortion; undistort the images to a pinhole camera first"};
-        }
-    return ok();
-}
-
-void readSize(const JsonNode& frame, const JsonNode& top, const char* key, int& size)
-{
-    const JsonNode node = frame[key].exists() ? frame[key] : top[key];
-    if (node.exists()) size = node.integer(1, 65536);
-}
-
 } // namespace
 
 bool isBigs(const DatasetSource& source)
@@ -43,23 +25,17 @@ bool isBigs(const DatasetSource& source)
 Status loadBigs(const DatasetSource& source, OlatDataset& out)
 {
     SplitBuilder train("train"), test("test");
-    SizeFromFirstImage sizeFromImage(source);
     for (const Description& description : source.descriptions) {
         const JsonNode top = description.json.root();
         SplitBuilder folder(""); // counts this light's cameras
         for (const JsonNode& frame : description.frames().items()) {
-            if (Status s = rejectDistortion(description, frame); !s) return s;
             const std::string path = findImage(source, description.folder, frame["file_path"].string(), frame["file_path"]);
             if (description.json.failed()) return description.json.error();
-            if (!path.ends_with(".exr"))
+            if (extensionOf(path) != ".exr")
                 return Error{ErrorCode::kUnsupported, description.json.name() + ": " + frame["file_path"].where() +
                                                           ": expected a linear .exr, found " + inQuotes(path)};
             Camera camera;
-            readSize(frame, top, "w", camera.width);
-            readSize(frame, top, "h", camera.height);
-            if (camera.width == 0 || camera.height == 0)
-                if (Status s = sizeFromImage.apply(path, camera); !s) return s;
-            readIntrinsics(frame, top, camera);
+            if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
             Light light;
             light.position = readVec3(frame["light"]["position"]) * kWorldFromLightFrame;

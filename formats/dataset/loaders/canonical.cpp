@@ -1,17 +1,17 @@
 // Nacre's own convention, written by the light stage.
 //
-//   transforms_<split>.json: camera_angle_x (or fl_x, ...), width, height, color_space "linear" | "srgb", background "black", frames:
+//   transforms_<split>.json: camera_angle_x (or fl_x, ...), width, height, color_space "linear" | "srgb", alpha "premultiplied" | "straight",
+//     background "black", frames:
 //     file_path (with extension), transform_matrix (camera-to-world, camera looks along -Z, world +Z up), light:
 //       {type: "point", position, intensity}                      irradiance = intensity / r^2
 //       {type: "directional", direction_to_light, irradiance}
 //       {type: "environment", map}                                equirectangular EXR
 //       {type: "all_on"}                                          all of the top level's `lights` (points, directionals) at once
-// Colour is premultiplied by alpha (over black); srgb encodes the premultiplied value. Without a color_space in any split PNG is taken
-// as srgb, which is what 8-bit images hold, with a warning, and EXR as linear.
+// Colour is premultiplied by alpha (over black) unless `alpha` says straight; srgb encodes the premultiplied value. Without a color_space in
+// any split PNG is taken as srgb, which is what 8-bit images hold, with a warning, and EXR as linear.
 #include "dataset/loader.h"
 
 #include <cmath>
-#include <optional>
 
 namespace nacre {
 namespace {
@@ -57,51 +57,28 @@ std::shared_ptr<const std::vector<Light>> readAllOn(const DatasetSource& source,
     return lights;
 }
 
-/// What the split says, if it does. Splits must not disagree.
-void readColorSpace(const JsonNode& node, std::optional<ColorSpace>& colorSpace)
-{
-    if (!node.exists()) return;
-    const std::string name = node.string();
-    if (name != "linear" && name != "srgb") node.fail("\"linear\" or \"srgb\"", inQuotes(name));
-    const ColorSpace here = name == "srgb" ? ColorSpace::kSrgb : ColorSpace::kLinear;
-    if (colorSpace.value_or(here) != here) node.fail("the same color_space in every split", "another one");
-    colorSpace = here;
-}
-
 } // namespace
 
 bool isCanonical(const DatasetSource& source) { return anyFrameHas(source, "light"); }
 
 Status loadCanonical(const DatasetSource& source, OlatDataset& out)
 {
-    std::optional<ColorSpace> colorSpace;
     for (const Description& description : source.descriptions) {
         const JsonNode top = description.json.root();
-        readColorSpace(top["color_space"], colorSpace);
-        if (top["background"].exists() && top["background"].string() != "black")
-            top["background"].fail("\"black\"", inQuotes(top["background"].string()));
-
-        Camera camera;
-        camera.width = top["width"].integer(1, 65536);
-        camera.height = top["height"].integer(1, 65536);
         SplitBuilder builder(description.split);
         const auto allOn = readAllOn(source, top["lights"]);
         for (const JsonNode& frame : description.frames().items()) {
+            Camera camera;
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
-            readIntrinsics(frame, top, camera);
-            const Light light = readLight(source, frame["light"], allOn);
-            builder.add(camera, light, findImage(source, "", frame["file_path"].string(), frame["file_path"]));
-            if (description.json.failed()) break;
+            const std::string path = findImage(source, "", frame["file_path"].string(), frame["file_path"]);
+            if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
+            builder.add(camera, readLight(source, frame["light"], allOn), path);
+            if (description.json.failed()) return description.json.error();
         }
         if (description.json.failed()) return description.json.error();
         out.splits.push_back(std::move(builder.split));
     }
-    if (!colorSpace && !out.splits.empty() && !out.splits[0].images.empty() && extensionOf(out.splits[0].images[0].path) == ".png") {
-        colorSpace = ColorSpace::kSrgb;
-        out.warnings.push_back("no color_space: PNG images are taken as sRGB; write \"color_space\": \"srgb\" or \"linear\" into " +
-                               source.descriptions[0].json.name());
-    }
-    out.colorSpace = colorSpace.value_or(ColorSpace::kLinear);
+    out.colorSpace = ColorSpace::kSrgb; // of PNG
     out.up = {0, 0, 1};
     return ok();
 }

@@ -1,13 +1,13 @@
 // The convention of NRHints, GS^3 and RNG: one frame = one image = one point light `pl_pos`.
 //
 //   transforms_<split>.json: camera_angle_x or camera_intrinsics [cx, cy, fx, fy], at top level or per frame; frames:
-//     file_path without extension + file_ext (default ".png"), or img_path with extension, which wins
+//     file_path without extension + file_ext (by default ".png", else what is there), or img_path with extension, which wins
 //     transform_matrix (camera-to-world, OpenGL), or R_opt + T_opt (GS^3's refined pose), which win
 //     pl_pos, same world frame; pl_intensity optional: the power of a Blender point light in watts, so I = P / (4 pi)
-// Image size comes from the files. PNG: display-encoded sRGB with straight alpha. EXR: linear, premultiplied (what Blender writes).
+// Image size comes from the files. PNG: display-encoded sRGB with straight alpha. EXR: linear, premultiplied (what Blender writes). The keys
+// color_space and alpha of the top level override that.
 #include "dataset/loader.h"
 
-#include <filesystem>
 #include <numbers>
 
 namespace nacre {
@@ -34,10 +34,17 @@ glm::dmat4 readRefinedPose(const JsonNode& rotation, const JsonNode& translation
     return rigidPose(pose, rotation);
 }
 
-std::string fileName(const JsonNode& frame)
+struct FileName {
+    JsonNode node;
+    std::string name, extension; // the extension to try first
+};
+
+FileName fileName(const JsonNode& frame)
 {
-    if (frame["img_path"].exists()) return frame["img_path"].string();
-    return frame["file_path"].string() + (frame["file_ext"].exists() ? frame["file_ext"].string() : ".png");
+    if (frame["img_path"].exists()) return {frame["img_path"], frame["img_path"].string(), ""};
+    std::string extension = frame["file_ext"].exists() ? frame["file_ext"].string() : ".png";
+    if (!extension.empty() && extension[0] != '.') extension.insert(extension.begin(), '.');
+    return {frame["file_path"], frame["file_path"].string(), extension};
 }
 
 /// GS^3 ships transforms_valid.json as a camera path for videos, without images.
@@ -45,7 +52,12 @@ bool isCameraPath(const DatasetSource& source, const Description& description)
 {
     const JsonNode frame = description.frames().firstItem();
     if (description.split != "valid" || !(frame["file_path"].isString() || frame["img_path"].isString())) return false;
-    return !source.fileExists((std::filesystem::path(source.path) / fileName(frame)).lexically_normal().string());
+    const FileName file = fileName(frame);
+    const DatasetSource::Missing before = source.missing;
+    findImage(source, "", file.name, file.node, file.extension);
+    const bool isMissing = source.missing.count > before.count;
+    source.missing = before;
+    return isMissing;
 }
 
 } // namespace
@@ -55,26 +67,20 @@ bool isPlpos(const DatasetSource& source) { return anyFrameHas(source, "pl_pos")
 Status loadPlpos(const DatasetSource& source, OlatDataset& out)
 {
     size_t withIntensity = 0, images = 0;
-    std::string extension;
     for (const Description& description : source.descriptions) {
         if (isCameraPath(source, description)) {
             out.warnings.push_back("split 'valid' skipped: it has no images (a camera path)");
             continue;
         }
         const JsonNode top = description.json.root();
-        SizeFromFirstImage size(source);
         SplitBuilder builder(description.split);
         for (const JsonNode& frame : description.frames().items()) {
-            const JsonNode pathNode = frame["img_path"].exists() ? frame["img_path"] : frame["file_path"];
-            const std::string path = findImage(source, "", fileName(frame), pathNode);
-            const std::string thisExtension = std::filesystem::path(path).extension().string();
-            if (extension.empty()) extension = thisExtension;
-            if (thisExtension != extension) pathNode.fail(inQuotes(extension) + " like the images before", inQuotes(thisExtension));
+            const FileName file = fileName(frame);
+            const std::string path = findImage(source, "", file.name, file.node, file.extension);
             if (description.json.failed()) return description.json.error();
 
             Camera camera;
-            if (Status s = size.apply(path, camera); !s) return s;
-            readIntrinsics(frame, top, camera);
+            if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
             camera.worldFromCamera = frame["R_opt"].exists() ? readRefinedPose(frame["R_opt"], frame["T_opt"]) : readPose(frame["transform_matrix"]);
             Light light;
             light.position = readVec3(frame["pl_pos"]);
@@ -89,8 +95,8 @@ Status loadPlpos(const DatasetSource& source, OlatDataset& out)
         if (description.json.failed()) return description.json.error();
         out.splits.push_back(std::move(builder.split));
     }
-    out.colorSpace = extension == ".exr" ? ColorSpace::kLinear : ColorSpace::kSrgb;
-    out.premultiplied = extension == ".exr";
+    out.colorSpace = ColorSpace::kSrgb; // of PNG
+    out.straightPng = true;
     out.up = upFromCameras(out.splits);
     if (withIntensity == images) return ok();
 

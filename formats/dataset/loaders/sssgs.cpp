@@ -2,7 +2,7 @@
 //
 //   transforms_<split>.json: camera_angle_x at top level (or fl_x, fl_y per frame); frames:
 //     transform_matrix (camera-to-world, OpenGL), width, height, optional cx, cy
-//     file_paths (append ".png") and light_positions, index-aligned, in the world frame of the poses (real captures turn the
+//     file_paths (".png" is appended where it lacks) and light_positions, index-aligned, in the world frame of the poses (real captures turn the
 //     object, so the lights differ per frame); optional light_intensities: [r, g, b] multipliers
 //   exclude_list.txt: one image stem per line (with or without .png) that must not be used.
 // Images: 8-bit sRGB PNG, premultiplied on black (see image_cache.cpp for the order). There is no calibrated intensity.
@@ -15,6 +15,14 @@
 namespace nacre {
 namespace {
 
+/// The file's name without .png or .exr; other dots belong to the name.
+std::string stemOf(const std::string& file)
+{
+    const std::filesystem::path name = std::filesystem::path(file).filename();
+    const std::string extension = extensionOf(file);
+    return (extension == ".png" || extension == ".exr" ? name.stem() : name).string();
+}
+
 std::set<std::string> excludedStems(const std::string& text)
 {
     std::set<std::string> stems;
@@ -23,8 +31,7 @@ std::set<std::string> excludedStems(const std::string& text)
         const size_t end = line.find_last_not_of(" \t\r");
         if (end == std::string::npos) continue;
         line.resize(end + 1);
-        if (line.ends_with(".png")) line.resize(line.size() - 4);
-        stems.insert(std::filesystem::path(line).filename().string());
+        stems.insert(stemOf(line));
     }
     return stems;
 }
@@ -42,10 +49,7 @@ Status loadSssgs(const DatasetSource& source, OlatDataset& out)
         SplitBuilder builder(description.split);
         for (const JsonNode& frame : description.frames().items()) {
             Camera camera;
-            camera.width = frame["width"].integer(1, 65536);
-            camera.height = frame["height"].integer(1, 65536);
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
-            readIntrinsics(frame, top, camera);
             const std::vector<JsonNode> files = frame["file_paths"].items(), positions = frame["light_positions"].items();
             const std::vector<JsonNode> gains = frame["light_intensities"].exists() ? frame["light_intensities"].items() : std::vector<JsonNode>();
             if (positions.size() != files.size())
@@ -56,7 +60,7 @@ Status loadSssgs(const DatasetSource& source, OlatDataset& out)
 
             for (size_t i = 0; i < files.size(); i++) {
                 const std::string file = files[i].string();
-                const std::string stem = std::filesystem::path(file).filename().string();
+                const std::string stem = stemOf(file);
                 if (excluded.count(stem)) {
                     excludedCount++;
                     continue;
@@ -68,14 +72,18 @@ Status loadSssgs(const DatasetSource& source, OlatDataset& out)
                 Light light;
                 light.position = readVec3(positions[i]);
                 light.intensity = gains.empty() ? glm::vec3(1.0f) : readIntensity(gains[i]);
-                builder.add(camera, light, findImage(source, "", file + ".png", files[i]));
+                const std::string path = findImage(source, "", file, files[i], ".png");
+                if (camera.width == 0) { // once for all lights of the frame
+                    if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
+                }
+                builder.add(camera, light, path);
                 if (description.json.failed()) return description.json.error();
             }
         }
         if (description.json.failed()) return description.json.error();
         out.splits.push_back(std::move(builder.split));
     }
-    out.colorSpace = ColorSpace::kSrgb;
+    out.colorSpace = ColorSpace::kSrgb; // of PNG
     out.up = upFromCameras(out.splits);
 
     const float intensity = conventionalIntensity(out.splits);
