@@ -71,7 +71,7 @@ void readMatrix(const JsonNode& node, Camera& camera)
     const double offX = std::fabs(k[0] / w - 0.5), offY = std::fabs(k[1] / h - 0.5), swapped = std::max(std::fabs(k[2] / w - 0.5), std::fabs(k[3] / h - 0.5));
     // Half the image is where a principal point is, and a rare focal length: 90 degrees.
     if (swapped < 0.05 && std::min(offX, offY) > 0.03 + 2 * swapped)
-        node.fail("[cx, cy, fx, fy] in pixels", "[" + brief(k[0]) + ", " + brief(k[1]) + ", " + brief(k[2]) + ", " + brief(k[3]) + "] for an image of " +
+        node.fail("[cx, cy, fx, fy] in pixels", std::string("[").append(brief(k[0])) + ", " + brief(k[1]) + ", " + brief(k[2]) + ", " + brief(k[3]) + "] for an image of " +
                                                     pixels(camera.width, camera.height) + ", which looks like [fx, fy, cx, cy]; change the order");
 }
 
@@ -207,7 +207,7 @@ void checkIntrinsics(OlatDataset& dataset)
             const double x = c.cx / c.width, y = c.cy / c.height, size = std::max(c.width, c.height);
             if ((std::fabs(x - 0.5) > kOffCentre || std::fabs(y - 0.5) > kOffCentre) && off++ == 0) {
                 const bool outside = !(x > 0 && x < 1 && y > 0 && y < 1);
-                offFirst = "(" + brief(c.cx) + ", " + brief(c.cy) + ") " + (outside ? "outside" : "far from the centre of") + " an image of " + pixels(c.width, c.height);
+                offFirst = std::string("(").append(brief(c.cx)) + ", " + brief(c.cy) + ") " + (outside ? "outside" : "far from the centre of") + " an image of " + pixels(c.width, c.height);
                 if (std::fabs(x - y) < 0.02) // both coordinates are off by one factor
                     offFirst += ": these look like intrinsics of images of about " + pixels(int(std::lround(2 * c.cx)), int(std::lround(2 * c.cy))) +
                                 ", scale focal lengths and principal point";
