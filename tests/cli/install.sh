@@ -9,7 +9,7 @@ if grep -q '^NACRE_SANITIZE:BOOL=ON' "$build/CMakeCache.txt"; then
 fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-kept=$build/tests/install # builds of the runtime alone, kept so that only the first run takes long
+kept=$build/tests/install # builds of the runtime alone, not optimised, kept so that only the first run takes long
 
 fail() { echo "FAILED: $*"; exit 1; }
 quietly() { "$@" >"$work/log" 2>&1 || { cat "$work/log"; fail "$*"; }; }
@@ -57,7 +57,7 @@ usableFromC() { # PREFIX
 }
 
 usableAsSubdirectory() { # BUILD_SHARED_LIBS
-    quietly cmake -G Ninja -S "$kept/sub" -B "$kept/sub/$1" -DNACRE_SOURCE="$source" -DBUILD_SHARED_LIBS="$1" -DCMAKE_BUILD_TYPE=Debug
+    quietly cmake -G Ninja -S "$kept/sub" -B "$kept/sub/$1" -DNACRE_SOURCE="$source" -DBUILD_SHARED_LIBS="$1" -DCMAKE_BUILD_TYPE=None
     quietly cmake --build "$kept/sub/$1" --target host
     quietly "$kept/sub/$1/host"
 }
@@ -102,7 +102,7 @@ quietly "$work/own_first"
 quietly "$work/own_last"
 
 # ---- shared
-quietly cmake -G Ninja -S "$source" -B "$kept/shared" -DBUILD_SHARED_LIBS=ON -DCMAKE_BUILD_TYPE=Debug \
+quietly cmake -G Ninja -S "$source" -B "$kept/shared" -DBUILD_SHARED_LIBS=ON -DCMAKE_BUILD_TYPE=None \
     -DNACRE_BUILD_BAKER=OFF -DNACRE_BUILD_TESTS=OFF -DNACRE_BUILD_SAMPLES=OFF
 quietly cmake --build "$kept/shared"
 quietly cmake --install "$kept/shared" --prefix "$work/shared" --component runtime
