@@ -42,9 +42,13 @@ glm::dmat4 readMatrix(const JsonNode& matrix)
     return m;
 }
 
-glm::dmat4 localTransform(const JsonNode& node)
+glm::dmat4 localTransform(File& file, const JsonNode& node)
 {
-    if (node["matrix"].exists()) return readMatrix(node["matrix"]);
+    if (node["matrix"].exists()) {
+        if (node["translation"].exists() || node["rotation"].exists() || node["scale"].exists())
+            file.warn(node.where() + " has a matrix and a translation, rotation or scale, which exclude each other: the matrix counts");
+        return readMatrix(node["matrix"]);
+    }
     glm::dvec3 translation(0.0), scale(1.0);
     glm::dquat rotation(1, 0, 0, 0);
     const auto vec3 = [](const JsonNode& n) {
@@ -132,7 +136,7 @@ Nodes readNodes(File& file)
     Nodes nodes;
     nodes.worldFromLocal.resize(file.nodes.size());
     for (const size_t i : tree.order) {
-        const glm::dmat4 local = localTransform(file.nodes[i]);
+        const glm::dmat4 local = localTransform(file, file.nodes[i]);
         nodes.worldFromLocal[i] = tree.parents[i] < 0 ? local : nodes.worldFromLocal[size_t(tree.parents[i])] * local;
     }
 

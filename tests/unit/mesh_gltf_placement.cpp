@@ -190,6 +190,9 @@ TEST_CASE("a matrix whose last row is off by rounding is affine; another is refu
     b.root["nodes"][0]["matrix"] = {2, 0, 0, 3e-8, 0, 2, 0, -1e-7, 0, 0, 2, 1e-9, 1, 2, 3, 0.99999994};
     const MeshScene scene = load(b.glb());
     for (size_t i = 0; i < 4; i++) CHECK(near(scene.meshes[0].positions[i], expected.meshes[0].positions[i], 1e-6f));
+    b.root["nodes"][0]["scale"] = {7, 7, 7};
+    CHECK(warns(load(b.glb()), "the matrix counts"));
+    b.root["nodes"][0].erase("scale");
     b.root["nodes"][0]["matrix"] = {2, 0, 0, 1, 0, 2, 0, 2, 0, 0, 2, 3, 0, 0, 0, 1};
     checkRefused(b.glb(), ErrorCode::kBadInput, {"nodes[0].matrix", "affine", "row by row"});
     b.root["nodes"][0]["matrix"] = {2, 0, 0, 0.3, 0, 2, 0, 0, 0, 0, 2, 0, 1, 2, 3, 1}; // a projection
