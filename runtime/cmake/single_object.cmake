@@ -4,12 +4,22 @@
 # Templates and inline functions lie in section groups that the final link merges by name, local or not; --force-group-allocation
 # dissolves the groups. Objects for link-time optimisation have no symbols yet, hence -fno-lto.
 set(NACRE_CAN_LINK_SINGLE_OBJECT OFF)
-if(UNIX AND NOT APPLE AND CMAKE_LINKER AND CMAKE_OBJCOPY)
-  execute_process(COMMAND ${CMAKE_LINKER} --help OUTPUT_VARIABLE linker_help ERROR_QUIET)
-  if(linker_help MATCHES "--force-group-allocation")
-    set(NACRE_CAN_LINK_SINGLE_OBJECT ON)
-  else()
-    message(STATUS "${CMAKE_LINKER} lacks --force-group-allocation: the static runtime shows inline functions of GLM and JSON to the linker")
+if(UNIX AND NOT APPLE AND CMAKE_OBJCOPY)
+  set(linkers ${CMAKE_LINKER})
+  if(NOT CMAKE_CROSSCOMPILING) # that of LLVM has learnt it late
+    find_program(NACRE_BFD_LINKER ld.bfd)
+    list(APPEND linkers ${NACRE_BFD_LINKER})
+  endif()
+  foreach(linker ${linkers})
+    execute_process(COMMAND ${linker} --help OUTPUT_VARIABLE linker_help ERROR_QUIET)
+    if(linker_help MATCHES "--force-group-allocation")
+      set(NACRE_CAN_LINK_SINGLE_OBJECT ON)
+      set(NACRE_OBJECT_LINKER ${linker})
+      break()
+    endif()
+  endforeach()
+  if(NOT NACRE_CAN_LINK_SINGLE_OBJECT)
+    message(STATUS "no linker knows --force-group-allocation (GNU ld does): the static runtime shows inline functions of GLM and JSON")
   endif()
 endif()
 
@@ -20,7 +30,7 @@ function(nacre_single_object output pattern)
     target_compile_options(${target} PRIVATE -fno-lto)
   endforeach()
   add_custom_command(OUTPUT ${output}
-    COMMAND ${CMAKE_LINKER} -r --force-group-allocation -o ${output} ${objects}
+    COMMAND ${NACRE_OBJECT_LINKER} -r --force-group-allocation -o ${output} ${objects}
     COMMAND ${CMAKE_OBJCOPY} --wildcard --keep-global-symbol=${pattern} ${output}
     DEPENDS ${objects} COMMAND_EXPAND_LISTS VERBATIM)
 endfunction()
