@@ -3,9 +3,9 @@
 // Placing waits until all primitives are read: positions become float about the middle of the scene, if that is far from the world's origin.
 //
 // Our own reading of the JSON rather than tinygltf: tinygltf, as Debian builds it, has live asserts, resolves file names itself and copies
-// before it checks. The reader is in six parts: the opened file (gltf_file), accessors (gltf_accessor), nodes (gltf_nodes), skins (gltf_skin),
-// primitives (gltf_mesh) and materials (gltf_material). Nothing recurses, so no nesting is too deep; every allocation is bounded by the bytes of the file or by
-// kMaxDecodedBytes (gltf_file.h), which also stops a file of many nodes that show one big mesh.
+// before it checks. The reader is in six parts: the opened file (gltf_file), accessors (gltf_accessor), nodes (gltf_nodes), skins
+// (gltf_skin), primitives (gltf_mesh) and materials (gltf_material). Nothing recurses, so no nesting is too deep; every allocation is
+// bounded by the bytes of the file or by kMaxDecodedBytes (gltf_file.h), which also stops a file of many nodes that show one big mesh.
 #include "interchange/gltf.h"
 
 #include "base/file.h"
