@@ -1,4 +1,6 @@
 // Layers of the G-buffer, blended like colours (reference: splatAlpha of baker/render/reference_raster.h).
+uniform float uLayerMax; // what the layers can hold
+
 flat in float vOpacity;
 flat in vec3 vLayer[LAYERS];
 in vec2 vLocal;
@@ -9,7 +11,7 @@ void main()
     float alpha = min(MAX_ALPHA, vOpacity * exp(-0.5 * dot(vLocal, vLocal)));
     if (alpha < MIN_ALPHA) discard;
     // outputs take constant indices only
-#define WRITE(k) outLayer[k] = vec4(clamp(vLayer[k], -65504.0, 65504.0) * alpha, alpha)
+#define WRITE(k) outLayer[k] = vec4(clamp(vLayer[k], -uLayerMax, uLayerMax) * alpha, alpha)
     WRITE(0);
 #if LAYERS > 1
     WRITE(1);

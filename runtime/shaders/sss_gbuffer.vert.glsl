@@ -4,7 +4,8 @@ uniform sampler2D uScattered;
 uniform sampler2DArray uLit;  // see litTexel; alpha is the incident share
 uniform int uLanes;
 uniform vec3 uCameraAsset;
-uniform float uDepthOrigin;   // depth is stored relative to it: half floats are finest around zero
+uniform float uDepthOrigin;   // depth is stored relative to it: half floats are finest around zero,
+uniform float uDepthUnit;     // and in about the size of the object, so that they hold it
 uniform int uFirstLight;      // of those that the incident layers hold
 uniform int uLightCount;      // of all
 
@@ -32,7 +33,7 @@ void main()
     vLayer[1] = normalRoughness.xyz;
     vLayer[2] = baseMetalness.rgb;
     vLayer[3] = vec3(normalRoughness.w, baseMetalness.w, texelFetch(uGeometry, slotTexel(splat, 5), 0).r);
-    vLayer[4] = vec3(distance(uCameraAsset, meanOpacity.xyz) - uDepthOrigin, incident(splat, uFirstLight), incident(splat, uFirstLight + 1));
+    vLayer[4] = vec3((distance(uCameraAsset, meanOpacity.xyz) - uDepthOrigin) / uDepthUnit, incident(splat, uFirstLight), incident(splat, uFirstLight + 1));
     for (int k = 5; k < LAYERS; ++k) {
         int t = uFirstLight + 2 + 3 * (k - 5);
         vLayer[k] = vec3(incident(splat, t), incident(splat, t + 1), incident(splat, t + 2));

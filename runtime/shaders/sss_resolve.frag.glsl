@@ -5,7 +5,7 @@ uniform sampler2DArray uFurther; // EXTRA: 3 incident each
 uniform sampler2D uLights;       // row 0: see sampleLight; row 1: intensity, widening of highlights
 uniform vec3 uEye;               // asset space
 uniform vec3 uRayOrigin, uRayRight, uRayUp; // pixel (x, y) of the window looks along origin + x right + y up
-uniform float uDepthOrigin;
+uniform float uDepthOrigin, uDepthUnit;
 uniform float uWorldScale2;
 uniform float uMaxColor;
 uniform int uFirstLight, uLightCount;
@@ -41,7 +41,7 @@ void main()
         vec3 material = layer(3).xyz * perAlpha;
         SssSurface surface = SssSurface(layer(2).rgb * perAlpha, material.x, material.y, normal / normalLength, 1.0 - material.z);
         vec3 ray = normalize(uRayOrigin + gl_FragCoord.x * uRayRight + gl_FragCoord.y * uRayUp);
-        vec3 point = uEye + (uDepthOrigin + layer(4).x * perAlpha) * ray;
+        vec3 point = uEye + (uDepthOrigin + uDepthUnit * (layer(4).x * perAlpha)) * ray;
         for (int t = 0; t < LIGHTS; ++t) {
             if (uFirstLight + t >= uLightCount) break;
             vec4 s = sampleLight(texelFetch(uLights, ivec2(uFirstLight + t, 0), 0), point, uWorldScale2);

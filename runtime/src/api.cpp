@@ -105,6 +105,15 @@ nacre::SplatEdit toSplatEdit(const NacreEdit& edit)
 }
 static_assert(int(nacre::EditTarget::kOpacity) == NACRE_EDIT_OPACITY && int(nacre::EditRegion::kSphere) == NACRE_REGION_SPHERE);
 
+/// Objects whose GL context is not current cannot be deleted.
+std::unique_ptr<nacre::ForgottenObjects> forgetUnlessCurrent(NacreContextImpl& context, const char* function)
+{
+    const Failure elsewhere = nacre::checkGlContext(context);
+    if (!elsewhere) return nullptr;
+    context.report(NACRE_WARNING, std::string(function) + " frees no GL objects: " + elsewhere.text);
+    return std::make_unique<nacre::ForgottenObjects>(context);
+}
+
 NacreResult decodeResult(nacre::ErrorCode code)
 {
     switch (code) {
@@ -133,6 +142,7 @@ NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreContext* conte
         if (!desc->getProcAddress) return invalid("NacreContextDesc.getProcAddress is null, it is required");
         std::string missing = nacre::loadGl(desc->getProcAddress, desc->getProcAddressUser, &made->gl);
         if (!missing.empty()) return {NACRE_ERROR_UNSUPPORTED, std::move(missing)};
+        nacre::markGlContext(*made);
         return {};
     });
     if (result == NACRE_OK) *context = made.release();
@@ -142,9 +152,11 @@ NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreContext* conte
 void nacreContextDestroy(NacreContext context)
 {
     if (!context) return;
-    nacre::freeDepthCopy(*context);
-    context->gl.DeleteVertexArrays(1, &context->vertexArray);
-    context->gl.DeleteBuffers(1, &context->indexBuffer);
+    if (const auto forgotten = forgetUnlessCurrent(*context, "nacreContextDestroy"); !forgotten) {
+        nacre::freeDepthCopy(*context);
+        context->gl.DeleteVertexArrays(1, &context->vertexArray);
+        context->gl.DeleteBuffers(1, &context->indexBuffer);
+    }
     delete context;
 }
 
@@ -159,6 +171,7 @@ NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byt
     if (!context) return NACRE_ERROR_INVALID_ARGUMENT;
     return guarded(*context, [&]() -> Failure {
         if (!bytes || !asset) return invalid("nacreAssetCreate: bytes and asset must not be null");
+        if (Failure f = nacre::checkGlContext(*context)) return f;
         const nacre::Result<nacre::SplatAsset> decoded = nacre::decodeAsset({static_cast<const std::byte*>(bytes), byteCount});
         if (!decoded)
             return {decodeResult(decoded.error().code), decoded.error().message};
@@ -173,7 +186,11 @@ NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byt
 void nacreAssetDestroy(NacreAsset asset)
 {
     if (!asset) return;
-    nacre::destroyAsset(*asset);
+    {
+        std::unique_ptr<nacre::ForgottenObjects> forgotten;
+        if (asset->context) forgotten = forgetUnlessCurrent(*asset->context, "nacreAssetDestroy");
+        nacre::destroyAsset(*asset);
+    }
     delete asset;
 }
 
@@ -238,6 +255,18 @@ NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc)
         if (!desc) return invalid("nacreAssetDraw: desc must not be null");
         if (Failure f = checkSize("NacreDrawDesc", desc->structSize, sizeof *desc)) return f;
         return nacre::draw(*asset, *desc);
+    });
+}
+
+NacreResult nacreAssetPrepare(NacreAsset asset, const NacreDrawDesc* desc, size_t mostLights)
+{
+    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*asset->context, [&]() -> Failure {
+        if (mostLights > NACRE_MAX_LIGHTS)
+            return invalid("nacreAssetPrepare: mostLights is " + std::to_string(mostLights) + ", the most is " + std::to_string(NACRE_MAX_LIGHTS));
+        if (desc)
+            if (Failure f = checkSize("NacreDrawDesc", desc->structSize, sizeof *desc)) return f;
+        return nacre::prepare(*asset, desc, int(mostLights));
     });
 }
 

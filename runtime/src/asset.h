@@ -102,6 +102,8 @@ Failure relight(NacreAssetImpl& asset, const DrawFrame& frame);
 bool sortSplats(NacreAssetImpl& asset, const DrawFrame& frame);
 
 Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc);
+/// Ahead of draws: their programs and, with `desc`, passes and order.
+Failure prepare(NacreAssetImpl& asset, const NacreDrawDesc* desc, int mostLights);
 
 /// Largest value that the bound target holds, splat colours stop there.
 float largestColor(const Gl& gl);

@@ -28,6 +28,7 @@ namespace nacre {
 
 namespace {
 
+enum BigsPass { kLightPass, kViewPass, kCombinePass };
 enum BigsSlot { kRhoShadow = kCommonSlots, kNormalSharpness, kLobeColor, kBigsSlots };
 
 class GpuBigs final : public GpuModel {
@@ -39,6 +40,7 @@ public:
     int geometrySlots() const override { return (hasLobe_ ? int(kBigsSlots) : int(kNormalSharpness)) - int(kCommonSlots); }
     Failure upload(const SplatAsset& source) override;
     Failure compilePrograms() override;
+    Failure compileAhead(int) override { return {}; } // one set for any lights
     Failure setEdits(std::span<const SplatEdit> edits) override;
     Failure relight(const DrawFrame& frame, bool lightsChanged) override;
     Failure raster(const DrawFrame& frame, bool depthTest, GlStateGuard& state) override;
@@ -241,18 +243,25 @@ Failure GpuBigs::setEdits(std::span<const SplatEdit> edits)
 Failure GpuBigs::relight(const DrawFrame& frame, bool lightsChanged)
 {
     const bool viewChanged = (sFunctions_ > 0 || hasLobe_) && (!seen_ || seenFrom_ != frame.cameraAsset);
-    const bool contract = viewChanged && sFunctions_ > 0;
-    if (lightsChanged) {
+    if (lightsChanged)
         if (Failure f = growLightTargets((asset_.packed.count + 3) / 4)) return f;
-        runLightPass();
-    }
-    if (contract) runViewPass(frame.cameraAsset);
-    if (lightsChanged || viewChanged) runCombinePass(frame.cameraAsset);
+    kept_.update();
+    if (lightsChanged) kept_.outdate(kLightPass);
+    if (viewChanged) kept_.outdate(kViewPass);
+    if (lightsChanged || viewChanged) kept_.outdate(kCombinePass);
     seenFrom_ = frame.cameraAsset;
     seen_ = true;
-    asset_.stats.lightPassesRun = lightsChanged;
-    asset_.stats.viewPassesRun = contract;
-    asset_.stats.combinePassesRun = lightsChanged || viewChanged;
+    const bool light = !kept_.has(kLightPass), view = sFunctions_ > 0 && !kept_.has(kViewPass), combine = light || view || !kept_.has(kCombinePass);
+    if (combine) {
+        kept_.begin();
+        if (light) runLightPass();
+        if (view) runViewPass(frame.cameraAsset);
+        runCombinePass(frame.cameraAsset);
+        kept_.end(1u << kCombinePass | unsigned(light) << kLightPass | unsigned(view) << kViewPass);
+    }
+    asset_.stats.lightPassesRun = light;
+    asset_.stats.viewPassesRun = view;
+    asset_.stats.combinePassesRun = combine;
     return {};
 }
 

@@ -69,24 +69,20 @@ void drawQuads(const NacreAssetImpl& asset)
     asset.context->gl.DrawElements(GL_TRIANGLES, GLsizei(6 * asset.farToNear.size()), GL_UNSIGNED_INT, nullptr);
 }
 
-Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
+static Failure checkViewport(const NacreDrawDesc& desc)
 {
-    const NacreContextImpl& context = *asset.context;
-    if (desc.viewportWidth < 0 || desc.viewportHeight < 0)
-        return {NACRE_ERROR_INVALID_ARGUMENT, "the viewport is " + std::to_string(desc.viewportWidth) + " x " +
-                                                  std::to_string(desc.viewportHeight) + " pixels, neither may be negative"};
-    if (desc.viewportWidth == 0 || desc.viewportHeight == 0) { // a minimised window, whose aspect ratio and targets need not be valid
-        asset.stats = {};
-        return {};
-    }
-    DrawFrame frame;
-    if (Failure f = makeFrame(desc, clipControl(context.gl), &frame)) return f;
+    if (desc.viewportWidth >= 0 && desc.viewportHeight >= 0) return {};
+    return {NACRE_ERROR_INVALID_ARGUMENT, "the viewport is " + std::to_string(desc.viewportWidth) + " x " +
+                                              std::to_string(desc.viewportHeight) + " pixels, neither may be negative"};
+}
 
-    if (Failure f = checkTarget(context.gl)) return f;
+/// A minimised window, whose aspect ratio and targets need not be valid.
+static bool isEmpty(const NacreDrawDesc& desc) { return desc.viewportWidth == 0 || desc.viewportHeight == 0; }
 
-    Stopwatch watch(context);
-    GlStateGuard state(context.gl);
-    context.gl.BindVertexArray(context.vertexArray);
+/// Relights and sorts. What it finds done stays.
+static Failure update(NacreAssetImpl& asset, const DrawFrame& frame, GlStateGuard& state, Stopwatch& watch)
+{
+    asset.context->gl.BindVertexArray(asset.context->vertexArray);
     state.beginPasses();
     if (Failure f = relight(asset, frame)) return f;
     asset.stats.relightSeconds = watch.lap();
@@ -96,7 +92,41 @@ Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
     asset.stats.sorted = resorted;
     asset.stats.splatsDrawn = uint32_t(asset.farToNear.size());
     asset.stats.sortSeconds = watch.lap();
+    return {};
+}
 
+Failure prepare(NacreAssetImpl& asset, const NacreDrawDesc* desc, int mostLights)
+{
+    const NacreContextImpl& context = *asset.context;
+    if (Failure f = checkGlContext(context)) return f;
+    if (desc)
+        if (Failure f = checkViewport(*desc)) return f;
+    if (desc && isEmpty(*desc)) desc = nullptr;
+    DrawFrame frame;
+    if (desc)
+        if (Failure f = makeFrame(*desc, clipControl(context.gl), &frame)) return f;
+    Stopwatch watch(context);
+    GlStateGuard state(context.gl);
+    if (Failure f = asset.model->compileAhead(mostLights)) return f;
+    return desc ? update(asset, frame, state, watch) : Failure{};
+}
+
+Failure draw(NacreAssetImpl& asset, const NacreDrawDesc& desc)
+{
+    const NacreContextImpl& context = *asset.context;
+    if (Failure f = checkViewport(desc)) return f;
+    if (isEmpty(desc)) {
+        asset.stats = {};
+        return {};
+    }
+    if (Failure f = checkGlContext(context)) return f;
+    DrawFrame frame;
+    if (Failure f = makeFrame(desc, clipControl(context.gl), &frame)) return f;
+    if (Failure f = checkTarget(context.gl)) return f;
+
+    Stopwatch watch(context);
+    GlStateGuard state(context.gl);
+    if (Failure f = update(asset, frame, state, watch)) return f;
     if (!asset.farToNear.empty())
         if (Failure f = asset.model->raster(frame, desc.depthTest != 0, state)) return f;
     asset.stats.rasterSeconds = watch.lap();

@@ -1,6 +1,10 @@
 #include "gpu_model.h"
 
+#include "asset.h"
+
 namespace nacre {
+
+GpuModel::GpuModel(NacreAssetImpl& asset) : asset_(asset), kept_(asset.context->gl) {}
 
 std::unique_ptr<GpuModel> makeGpuModel(const std::string& model, NacreAssetImpl& asset)
 {

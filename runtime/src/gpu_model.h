@@ -4,6 +4,7 @@
 
 #include "appearance/models.h"
 #include "context.h"
+#include "kept_passes.h"
 
 #include <memory>
 #include <span>
@@ -22,7 +23,7 @@ constexpr int kLightsPerSlot = 4;
 
 class GpuModel {
 public:
-    explicit GpuModel(NacreAssetImpl& asset) : asset_(asset) {}
+    explicit GpuModel(NacreAssetImpl& asset);
     virtual ~GpuModel() = default; // deletes its GL objects
 
     /// What the grid and the long rows of this asset cannot hold. Before anything is uploaded.
@@ -34,6 +35,8 @@ public:
     /// Channels and targets; the geometry texture is bound to unit 0. GL errors are the caller's to find.
     virtual Failure upload(const SplatAsset& source) = 0;
     virtual Failure compilePrograms() = 0;
+    /// The rest of the programs that draws with up to so many lights can need; draws make it up.
+    virtual Failure compileAhead(int mostLights) = 0;
 
     /// Replaces the edits of the baked material; they show from the next draw on.
     virtual Failure setEdits(std::span<const SplatEdit> edits) = 0;
@@ -44,6 +47,7 @@ public:
 
 protected:
     NacreAssetImpl& asset_;
+    KeptPasses kept_;
 };
 
 #define NACRE_MODEL(name) \

@@ -89,6 +89,8 @@ static Failure link(const Gl& gl, const char* what, std::initializer_list<Stage>
     p->lanes = at("uLanes");
     p->oneLoop = at("uOneLoop");
     p->depthOrigin = at("uDepthOrigin");
+    p->depthUnit = at("uDepthUnit");
+    p->layerMax = at("uLayerMax");
     p->eye = at("uEye");
     p->rayOrigin = at("uRayOrigin");
     p->rayRight = at("uRayRight");

@@ -13,7 +13,7 @@ struct Program {
     GLuint name = 0;
     GLint lightCount = -1, lanes = -1, oneLoop = -1, firstLight = -1, worldScale2 = -1, cameraAsset = -1;
     GLint viewFromAsset = -1, viewTranslation = -1, clipFromView = -1, viewport = -1, jacobianLimit = -1, nearW = -1, lowPass = -1,
-          nearPlane = -1, maxColor = -1, depthOrigin = -1, inverseSize = -1, eye = -1, rayOrigin = -1, rayRight = -1, rayUp = -1;
+          nearPlane = -1, maxColor = -1, depthOrigin = -1, depthUnit = -1, layerMax = -1, inverseSize = -1, eye = -1, rayOrigin = -1, rayRight = -1, rayUp = -1;
 };
 
 /// #version and what every program of this asset knows: where splats sit, how they blend.

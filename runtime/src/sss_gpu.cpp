@@ -3,7 +3,7 @@
 //             on in a compute shader, which has the weights in shared memory.
 //   sum       per splat: scattered light of all lights
 //   G-buffer  surface and incident shares of up to eleven lights, blended over the splats; 24 further lights per further pass
-//   resolve   per pixel: GGX under every light, into the host's frame
+//   resolve   per pixel: GGX under every light, into the host's frame; of several passes into a sum, and that into the host's frame
 // light and sum run only when lights, camera or edits have changed in any bit.
 //
 // Textures beyond those of every model:
@@ -13,7 +13,8 @@
 //   first       RGBA16F  16 slots: first layer of the network without light and view
 //   lit         RGBA32F  light pass: array, see litTexel
 //   scattered   RGBA32F  sum pass
-//   layers, further      RGBA16F  arrays of the size of the viewport
+//   layers, further      RGBA16F  arrays of the size of the viewport; RGBA32F where light is too bright for halves and the host's target not
+//   summed      RGBA32F  of that size, with more than eleven lights
 // first and weights exist only with a network.
 #include "appearance/sss/sss.h"
 #include "appearance/sss/sss_asset.h"
@@ -28,11 +29,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace nacre {
 
 namespace {
 
+enum SssPass { kLightPass, kSumPass };
 enum SssSlot { kNormalRoughness = kCommonSlots, kBaseMetalness, kSubsurfaceSlot, kScatterTint, kSssSlots };
 constexpr int kMostLayers = 8;                       // of a pass: what GL 3.3 guarantees
 constexpr int kSurfaceLayers = 5;                    // the fifth has room for two lights
@@ -84,7 +87,10 @@ std::vector<float> packNetwork(const float* w)
 /// Viewport-sized layers that splats are blended into.
 struct LayerTarget {
     GLuint texture = 0, framebuffer = 0;
+    GLenum format = GL_RGBA16F;
     int width = 0, height = 0, layers = 0;
+
+    uint64_t bytes() const { return (format == GL_RGBA32F ? 16 : 8) * uint64_t(width) * uint64_t(height) * uint64_t(layers); }
 };
 
 class GpuSss final : public GpuModel {
@@ -96,6 +102,7 @@ public:
     int geometrySlots() const override { return int(kSssSlots) - int(kCommonSlots); }
     Failure upload(const SplatAsset& source) override;
     Failure compilePrograms() override;
+    Failure compileAhead(int mostLights) override;
     Failure setEdits(std::span<const SplatEdit> edits) override;
     Failure relight(const DrawFrame& frame, bool lightsChanged) override;
     Failure raster(const DrawFrame& frame, bool depthTest, GlStateGuard& state) override;
@@ -108,18 +115,24 @@ private:
 
     const Gl& gl() const { return asset_.context->gl; }
     bool computes() const { return hasNetwork_ && gl().hasCompute(); } // without network there is nothing to share
-    void uploadMaterials() const;
+    void uploadMaterials();
     void uploadNetwork(const SssChannels& channels);
     void freeLit();
     Failure growLit(int lights);
     void dispatchLights(int lights) const;
     void drawLights(int lights) const;
+    void runLightPass(const Program& program, const glm::vec3& camera) const;
+    void runSumPass() const;
     Failure lightProgram(int lanes, const Program** program);
+    Failure composeProgram();
     Failure rasterPrograms(bool further, int layers, RasterPrograms** programs);
-    Failure growLayers(LayerTarget& target, int width, int height, int layers);
+    Failure growLayers(LayerTarget& target, GLenum format, int width, int height, int layers);
+    bool tooBrightForHalves() const;
     void freeLayers(LayerTarget& target);
+    void clearLayers(const LayerTarget& target, int layers) const;
     Failure drawLayers(LayerTarget& target, const Program& program, const DrawFrame& frame, int layers, int firstLight, bool depthTest, GlStateGuard& state);
-    void resolve(const Program& program, const DrawFrame& frame, int firstLight, GlStateGuard& state) const;
+    void resolve(const Program& program, const DrawFrame& frame, int firstLight, const float viewport[4], float maxColor) const;
+    void compose(float maxColor) const;
 
     std::vector<SssMaterial> baked_;   // as in the file
     std::vector<SplatEdit> edits_;
@@ -127,22 +140,23 @@ private:
     bool hasVisibility_ = false, hasNetwork_ = false, hasShare_ = false, edited_ = false, seen_ = false;
     GLuint visibility_ = 0, weights_ = 0, first_ = 0, lit_ = 0, scattered_ = 0;
     GLuint litFramebuffer_ = 0, sumFramebuffer_ = 0;
-    LayerTarget layers_, further_;
-    Program lightPass_[kMostLanes + 1], sumPass_; // by lanes, compiled when first needed
+    LayerTarget layers_, further_, summed_;
+    Program lightPass_[kMostLanes + 1], sumPass_, compose_; // by lanes, compiled when first needed, as is compose
     RasterPrograms programs_[2][kMostLayers + 1]{};
     glm::vec3 seenFrom_{0};
     int litGroups_ = 0;                // room in lit
-    float depthOrigin_ = 0;            // of the last G-buffer pass
+    float depthOrigin_ = 0, depthUnit_ = 1; // of the last G-buffer pass
+    float mostScatter_ = 0;            // largest factor of scattered light among the materials
 };
 
 GpuSss::~GpuSss()
 {
-    freeLayers(layers_), freeLayers(further_);
+    freeLayers(layers_), freeLayers(further_), freeLayers(summed_);
     const GLuint textures[] = {visibility_, weights_, first_, lit_, scattered_}, framebuffers[] = {litFramebuffer_, sumFramebuffer_}; // GL ignores 0
     gl().DeleteFramebuffers(GLsizei(std::size(framebuffers)), framebuffers);
     gl().DeleteTextures(GLsizei(std::size(textures)), textures);
     for (const Program& p : lightPass_) gl().DeleteProgram(p.name);
-    gl().DeleteProgram(sumPass_.name);
+    gl().DeleteProgram(sumPass_.name), gl().DeleteProgram(compose_.name);
     for (const auto& kind : programs_)
         for (const RasterPrograms& p : kind) gl().DeleteProgram(p.splat.name), gl().DeleteProgram(p.resolve.name);
 }
@@ -155,10 +169,15 @@ Failure GpuSss::checkLayout(const SplatAsset& source)
     return fitLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
 }
 
-void GpuSss::uploadMaterials() const
+void GpuSss::uploadMaterials()
 {
     std::vector<SssMaterial> materials = baked_;
-    for (size_t g = 0; g < materials.size(); ++g) applyEdits(edits_, asset_.positions[g], materials[g]);
+    mostScatter_ = 0;
+    for (size_t g = 0; g < materials.size(); ++g) {
+        SssMaterial& m = materials[g];
+        applyEdits(edits_, asset_.positions[g], m);
+        mostScatter_ = std::max(mostScatter_, m.subsurface * std::max({m.residual[0], m.residual[1], m.residual[2]}));
+    }
     std::vector<float> staging;
     bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
     uploadSlot(asset_, staging, kMeanOpacity, [&](size_t g, float* t) {
@@ -246,6 +265,28 @@ Failure GpuSss::rasterPrograms(bool further, int layers, RasterPrograms** progra
                    {"uLayers", "uFurther", "uLights"}, &(*programs)->resolve);
 }
 
+Failure GpuSss::composeProgram()
+{
+    if (compose_.name) return {};
+    const std::string common = commonDefines(asset_);
+    return compile(gl(), "compose", common + shaders::kFullscreenVertGlsl, common + shaders::kSssComposeFragGlsl, {"uSum"}, &compose_);
+}
+
+Failure GpuSss::compileAhead(int mostLights)
+{
+    const Program* light = nullptr;
+    RasterPrograms* raster = nullptr;
+    for (int lights = 0; lights <= mostLights; ++lights) {
+        if (Failure f = lightProgram(lanesOf(lights), &light)) return f;
+        if (Failure f = rasterPrograms(false, layersFor(std::min(lights, kFirstLights)), &raster)) return f;
+        const int further = std::min(lights - kFirstLights, kFurtherLights);
+        if (further <= 0) continue;
+        if (Failure f = rasterPrograms(true, furtherLayersFor(further), &raster)) return f;
+        if (Failure f = composeProgram()) return f;
+    }
+    return {};
+}
+
 Failure GpuSss::setEdits(std::span<const SplatEdit> edits)
 {
     edits_.assign(edits.begin(), edits.end());
@@ -299,43 +340,58 @@ void GpuSss::drawLights(int lights) const
     runPass(asset_, litFramebuffer_, asset_.rows * groupsOf(lights));
 }
 
+void GpuSss::runLightPass(const Program& p, const glm::vec3& camera) const
+{
+    const int lights = asset_.packed.count;
+    gl().UseProgram(p.name);
+    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
+    bindTexture(gl(), 1, GL_TEXTURE_2D, asset_.lights);
+    if (hasNetwork_) bindTexture(gl(), 2, GL_TEXTURE_2D, first_), bindTexture(gl(), 3, GL_TEXTURE_2D, weights_);
+    if (hasVisibility_) bindTexture(gl(), 4, GL_TEXTURE_2D_ARRAY, visibility_);
+    gl().Uniform3f(p.cameraAsset, camera.x, camera.y, camera.z);
+    gl().Uniform1f(p.worldScale2, asset_.packed.worldScale2);
+    gl().Uniform1f(p.inverseSize, inverseSize_);
+    gl().Uniform1i(p.lightCount, lights);
+    gl().Uniform1i(p.oneLoop, 1);
+    if (computes()) dispatchLights(lights);
+    else drawLights(lights);
+}
+
+void GpuSss::runSumPass() const
+{
+    gl().UseProgram(sumPass_.name);
+    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
+    bindTexture(gl(), 1, GL_TEXTURE_2D_ARRAY, lit_);
+    gl().Uniform1i(sumPass_.lightCount, asset_.packed.count);
+    gl().Uniform1i(sumPass_.lanes, lanesOf(asset_.packed.count));
+    runPass(asset_, sumFramebuffer_, asset_.rows);
+}
+
 Failure GpuSss::relight(const DrawFrame& frame, bool lightsChanged)
 {
     const bool viewChanged = hasNetwork_ && (!seen_ || seenFrom_ != frame.cameraAsset);
-    const bool lightPass = lightsChanged || viewChanged, sumPass = lightPass || edited_ || !seen_;
     const int lights = asset_.packed.count;
-    if (edited_) uploadMaterials();
-    edited_ = false;
+    const Program* program = nullptr;
     if (Failure f = growLit(lights)) return f;
-    if (lightPass && lights > 0) {
-        const Program* program = nullptr;
+    if (lights > 0)
         if (Failure f = lightProgram(lanesOf(lights), &program)) return f;
-        gl().UseProgram(program->name);
-        bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-        bindTexture(gl(), 1, GL_TEXTURE_2D, asset_.lights);
-        if (hasNetwork_) bindTexture(gl(), 2, GL_TEXTURE_2D, first_), bindTexture(gl(), 3, GL_TEXTURE_2D, weights_);
-        if (hasVisibility_) bindTexture(gl(), 4, GL_TEXTURE_2D_ARRAY, visibility_);
-        gl().Uniform3f(program->cameraAsset, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
-        gl().Uniform1f(program->worldScale2, asset_.packed.worldScale2);
-        gl().Uniform1f(program->inverseSize, inverseSize_);
-        gl().Uniform1i(program->lightCount, lights);
-        gl().Uniform1i(program->oneLoop, 1);
-        if (computes()) dispatchLights(lights);
-        else drawLights(lights);
-    }
-    if (sumPass) {
-        gl().UseProgram(sumPass_.name);
-        bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-        bindTexture(gl(), 1, GL_TEXTURE_2D_ARRAY, lit_);
-        gl().Uniform1i(sumPass_.lightCount, lights);
-        gl().Uniform1i(sumPass_.lanes, lanesOf(lights));
-        runPass(asset_, sumFramebuffer_, asset_.rows);
-    }
+    if (edited_) uploadMaterials();
+    kept_.update();
+    if (lightsChanged || viewChanged) kept_.outdate(kLightPass);
+    if (lightsChanged || viewChanged || edited_) kept_.outdate(kSumPass);
+    edited_ = false;
     seenFrom_ = frame.cameraAsset;
     seen_ = true;
-    asset_.stats.lightPassesRun = lightPass;
+    const bool light = !kept_.has(kLightPass), sum = light || !kept_.has(kSumPass);
+    if (sum) {
+        kept_.begin();
+        if (light && program) runLightPass(*program, frame.cameraAsset);
+        runSumPass();
+        kept_.end(1u << kSumPass | unsigned(light) << kLightPass);
+    }
+    asset_.stats.lightPassesRun = light;
     asset_.stats.viewPassesRun = 0;
-    asset_.stats.combinePassesRun = sumPass;
+    asset_.stats.combinePassesRun = sum;
     return {};
 }
 
@@ -343,22 +399,22 @@ void GpuSss::freeLayers(LayerTarget& t)
 {
     gl().DeleteFramebuffers(1, &t.framebuffer);
     gl().DeleteTextures(1, &t.texture);
-    asset_.gpuBytes -= 8 * uint64_t(t.width) * uint64_t(t.height) * uint64_t(t.layers);
+    asset_.gpuBytes -= t.bytes();
     t = {};
 }
 
-/// Exactly this size, as a host's window keeps its own; more layers than asked for stay.
-Failure GpuSss::growLayers(LayerTarget& t, int width, int height, int layers)
+/// Exactly this size, as a host's window keeps its own; more layers than asked for stay, and so do finer ones.
+Failure GpuSss::growLayers(LayerTarget& t, GLenum format, int width, int height, int layers)
 {
-    if (t.width == width && t.height == height && t.layers >= layers) return {};
+    if (t.width == width && t.height == height && t.layers >= layers && (t.format == format || t.format == GL_RGBA32F)) return {};
     clearHostErrors(*asset_.context);
     freeLayers(t);
-    t.width = width, t.height = height, t.layers = layers;
+    t.format = format, t.width = width, t.height = height, t.layers = layers;
     gl().GenTextures(1, &t.texture);
     bindTexture(gl(), 0, GL_TEXTURE_2D_ARRAY, t.texture);
     setNearest(gl(), GL_TEXTURE_2D_ARRAY);
-    gl().TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA16F, width, height, layers, 0, GL_RGBA, GL_HALF_FLOAT, nullptr);
-    asset_.gpuBytes += 8 * uint64_t(width) * uint64_t(height) * uint64_t(layers);
+    gl().TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GLint(format), width, height, layers, 0, GL_RGBA, GL_HALF_FLOAT, nullptr);
+    asset_.gpuBytes += t.bytes();
     gl().GenFramebuffers(1, &t.framebuffer);
     gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, t.framebuffer);
     for (int k = 0; k < layers; ++k) gl().FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + GLenum(k), t.texture, 0, k);
@@ -368,17 +424,23 @@ Failure GpuSss::growLayers(LayerTarget& t, int width, int height, int layers)
                                            std::to_string(height) + " pixels; draw into a smaller viewport"};
 }
 
-Failure GpuSss::drawLayers(LayerTarget& t, const Program& p, const DrawFrame& frame, int layers, int firstLight, bool depthTest, GlStateGuard& state)
+/// Binds the first layers for drawing, cleared.
+void GpuSss::clearLayers(const LayerTarget& t, int layers) const
 {
     GLenum attachments[kMostLayers];
     const float nothing[4] = {0, 0, 0, 0};
     gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, t.framebuffer);
     for (int k = 0; k < layers; ++k) attachments[k] = GL_COLOR_ATTACHMENT0 + GLenum(k);
     gl().DrawBuffers(layers, attachments);
+    for (int k = 0; k < layers; ++k) gl().ClearBufferfv(GL_COLOR, k, nothing);
+}
+
+Failure GpuSss::drawLayers(LayerTarget& t, const Program& p, const DrawFrame& frame, int layers, int firstLight, bool depthTest, GlStateGuard& state)
+{
+    state.beginOffscreen(depthTest);
+    clearLayers(t, layers);
     if (depthTest)
         if (Failure f = attachHostDepth(*asset_.context, state.hostFramebuffer(), t.framebuffer, state.viewport())) return f;
-    state.beginOffscreen(depthTest);
-    for (int k = 0; k < layers; ++k) gl().ClearBufferfv(GL_COLOR, k, nothing);
     gl().UseProgram(p.name);
     bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
     bindTexture(gl(), 1, GL_TEXTURE_2D, asset_.order);
@@ -387,6 +449,8 @@ Failure GpuSss::drawLayers(LayerTarget& t, const Program& p, const DrawFrame& fr
     setSplatUniforms(asset_, p, frame);
     gl().Uniform3f(p.cameraAsset, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
     gl().Uniform1f(p.depthOrigin, depthOrigin_);
+    gl().Uniform1f(p.depthUnit, depthUnit_);
+    gl().Uniform1f(p.layerMax, t.format == GL_RGBA32F ? std::numeric_limits<float>::max() : kMaxHalf);
     gl().Uniform1i(p.firstLight, firstLight);
     gl().Uniform1i(p.lightCount, asset_.packed.count);
     gl().Uniform1i(p.lanes, lanesOf(asset_.packed.count));
@@ -395,32 +459,68 @@ Failure GpuSss::drawLayers(LayerTarget& t, const Program& p, const DrawFrame& fr
     return {};
 }
 
-void GpuSss::resolve(const Program& p, const DrawFrame& frame, int firstLight, GlStateGuard& state) const
+void GpuSss::resolve(const Program& p, const DrawFrame& frame, int firstLight, const float viewport[4], float maxColor) const
 {
-    state.beginDraw(false);
     gl().UseProgram(p.name);
     bindTexture(gl(), 0, GL_TEXTURE_2D_ARRAY, layers_.texture);
     bindTexture(gl(), 1, GL_TEXTURE_2D_ARRAY, further_.texture);
     bindTexture(gl(), 2, GL_TEXTURE_2D, asset_.lights);
-    const WindowRays rays = windowRays(frame, state.viewport());
+    const WindowRays rays = windowRays(frame, viewport);
     gl().Uniform3f(p.eye, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
     gl().Uniform3f(p.rayOrigin, rays.origin.x, rays.origin.y, rays.origin.z);
     gl().Uniform3f(p.rayRight, rays.right.x, rays.right.y, rays.right.z);
     gl().Uniform3f(p.rayUp, rays.up.x, rays.up.y, rays.up.z);
     gl().Uniform1f(p.depthOrigin, depthOrigin_);
+    gl().Uniform1f(p.depthUnit, depthUnit_);
     gl().Uniform1f(p.worldScale2, asset_.packed.worldScale2);
-    gl().Uniform1f(p.maxColor, largestColor(gl()));
+    gl().Uniform1f(p.maxColor, maxColor);
     gl().Uniform1i(p.firstLight, firstLight);
     gl().Uniform1i(p.lightCount, asset_.packed.count);
     gl().DrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+void GpuSss::compose(float maxColor) const
+{
+    gl().UseProgram(compose_.name);
+    bindTexture(gl(), 0, GL_TEXTURE_2D_ARRAY, summed_.texture);
+    gl().Uniform1f(compose_.maxColor, maxColor);
+    gl().DrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+/// Whether scattered light may not fit layers of half floats: a bound from the lights where they are nearest to the box of the splats.
+bool GpuSss::tooBrightForHalves() const
+{
+    if (!hasNetwork_) return false;
+    float arriving = 0;
+    for (int t = 0; t < asset_.packed.count; ++t) {
+        const glm::vec4 &shape = asset_.packed.shape[t], &intensity = asset_.packed.intensity[t];
+        const glm::vec3 nearest = glm::clamp(glm::vec3(shape), asset_.boundsMin, asset_.boundsMax) - glm::vec3(shape);
+        const float falloff = shape.w < 0 ? 1.0f : 1.0f / std::max(glm::dot(nearest, nearest) * asset_.packed.worldScale2, shape.w);
+        arriving += falloff * std::max({intensity.x, intensity.y, intensity.z});
+    }
+    constexpr float kNetwork = 256; // it answers with numbers around 1
+    return arriving * mostScatter_ * kNetwork > kMaxHalf;
 }
 
 Failure GpuSss::raster(const DrawFrame& frame, bool depthTest, GlStateGuard& state)
 {
     const float* viewport = state.viewport(); // the layers lie under the host's pixels, so that its depth buffer fits
     const int width = int(std::max(viewport[0], 0.0f) + viewport[2]), height = int(std::max(viewport[1], 0.0f) + viewport[3]);
+    const glm::vec3 size = asset_.boundsMax - asset_.boundsMin;
     depthOrigin_ = glm::distance(frame.cameraAsset, 0.5f * (asset_.boundsMin + asset_.boundsMax));
+    const float exponent = std::round(std::log2(std::max({size.x, size.y, size.z})));
+    depthUnit_ = std::exp2(std::clamp(exponent, -100.0f, 100.0f)); // a power of two: dividing rounds nothing
     const int lights = asset_.packed.count;
+    const bool sums = lights > kFirstLights;
+    gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, state.hostFramebuffer());
+    const float maxColor = largestColor(gl());
+    const GLenum format = maxColor > kMaxHalf && tooBrightForHalves() ? GL_RGBA32F : GL_RGBA16F;
+    if (sums) {
+        if (Failure f = composeProgram()) return f;
+        if (Failure f = growLayers(summed_, GL_RGBA32F, width, height, 1)) return f;
+        state.beginOffscreen(false);
+        clearLayers(summed_, 1);
+    }
     RasterPrograms* programs = nullptr;
     for (int first = 0; first == 0 || first < lights;) {
         const bool further = first > 0;
@@ -428,10 +528,21 @@ Failure GpuSss::raster(const DrawFrame& frame, bool depthTest, GlStateGuard& sta
         const int layers = further ? furtherLayersFor(now) : layersFor(now);
         LayerTarget& target = further ? further_ : layers_;
         if (Failure f = rasterPrograms(further, layers, &programs)) return f;
-        if (Failure f = growLayers(target, width, height, layers)) return f;
+        if (Failure f = growLayers(target, further ? GL_RGBA16F : format, width, height, layers)) return f;
         if (Failure f = drawLayers(target, programs->splat, frame, layers, first, depthTest, state)) return f;
-        resolve(programs->resolve, frame, first, state);
+        if (sums) {
+            gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, summed_.framebuffer);
+            state.beginOffscreen(false);
+            resolve(programs->resolve, frame, first, viewport, std::numeric_limits<float>::max());
+        } else {
+            state.beginDraw(false);
+            resolve(programs->resolve, frame, first, viewport, maxColor);
+        }
         first += std::max(now, 1);
+    }
+    if (sums) {
+        state.beginDraw(false);
+        compose(maxColor);
     }
     return {};
 }

@@ -71,7 +71,6 @@ static Failure growIndexBuffer(NacreContextImpl& context, const NacreAssetImpl& 
     std::vector<uint32_t> indices(6 * splats);
     for (size_t n = 0; n < splats; ++n)
         for (size_t k = 0; k < 6; ++k) indices[6 * n + k] = uint32_t(4 * n + (k < 3 ? k : k == 3 ? 2 : k == 4 ? 1 : 3));
-    if (!context.vertexArray) gl.GenVertexArrays(1, &context.vertexArray);
     gl.BindVertexArray(context.vertexArray);
     GLuint larger = 0;
     gl.GenBuffers(1, &larger);

@@ -1,7 +1,8 @@
 // Nacre runtime: draws relightable splat assets inside your OpenGL frame. C99, no global state.
 //
-// You own window, GL context, framebuffer, files and threads. Call every function that takes a NacreContext on the thread
-// where the GL context given to nacreContextCreate is current. GL 3.3 core or newer.
+// You own window, GL context, framebuffer, files and threads. Call every function that takes a NacreContext or an asset of it on the
+// thread where the GL context given to nacreContextCreate is current; one that shares objects with it is another one. Where GL can tell,
+// a call in another context fails with NACRE_ERROR_GL, and destroying there frees no GL objects, with a warning. GL 3.3 core or newer.
 //
 // Frames: right-handed; matrices are column-major float[16] that multiply column vectors, clip space is OpenGL's (z in [-w, w]) or what
 // glClipControl makes of it.
@@ -39,7 +40,7 @@ typedef enum NacreResult {
     NACRE_ERROR_BAD_ASSET = 2,        // the bytes are not a valid asset; the message names the part
     NACRE_ERROR_UNSUPPORTED = 3,      // GL too old, a limit too small for this asset
     NACRE_ERROR_OUT_OF_MEMORY = 4,
-    NACRE_ERROR_GL = 5                // shader failure, incomplete framebuffer
+    NACRE_ERROR_GL = 5                // shader failure, incomplete framebuffer, another GL context is current
 } NacreResult;
 
 typedef enum NacreSeverity { NACRE_INFO = 0, NACRE_WARNING = 1, NACRE_ERROR = 2 } NacreSeverity;
@@ -144,11 +145,18 @@ typedef struct NacreDrawDesc {
 /// that a draw that needs more GPU memory (the first, more lights, for sss another viewport) clears them, with a warning.
 NACRE_API NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc);
 
+/// Does ahead what draws would do at first need: compiles the programs that draws with up to `mostLights` lights can need (many lights on
+/// an asset of the model sss: seconds), and, unless `desc` is NULL, sorts and relights for this camera and the lights and edits set now.
+/// Draws nothing, needs no framebuffer. Relighting inside conditional rendering is dropped with the draw; it is noticed and made up a draw
+/// later, but called outside of it this does the work where it counts, and keeps it out of your occlusion queries.
+NACRE_API NacreResult nacreAssetPrepare(NacreAsset asset, const NacreDrawDesc* desc, size_t mostLights);
+
 /// CPU-side record of the last draw, for tests and profilers.
 typedef struct NacreDrawStats {
     size_t structSize;            // sizeof(NacreDrawStats), set by the caller
     uint32_t splatsDrawn;         // after culling
-    uint32_t lightPassesRun;      // 1 if the light-only part was re-evaluated in the last draw, else 0
+    uint32_t lightPassesRun;      // 1 if the light-only part was re-evaluated in the last draw, else 0; a frame or two after a
+                                  // change again, until the GPU has told that it was drawn
     uint32_t viewPassesRun;       // 1 if the view-only contraction was re-evaluated
     uint32_t combinePassesRun;    // 1 if the final colours were re-evaluated
     uint32_t sorted;              // 1 if the splats were sorted again
