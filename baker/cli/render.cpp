@@ -57,8 +57,9 @@ static Result<Scene> buildScene(const RenderArguments& args, const SplatAsset& a
     }
     Scene scene;
     for (const std::string& text : args.lights) {
-        const auto light = parseLight(text);
+        auto light = parseLight(text);
         if (!light) return light.error();
+        if (light->type == LightType::kEnvironment) light->directionToLight = subject.up;
         if (Status s = addLight(*light, scene.lights); !s) return s.error();
     }
     if (args.camera.empty()) {
@@ -172,7 +173,7 @@ Action addRender(CLI::App& app)
                     "May be repeated; in the axes of the dataset. I, E: a number or r,g,b\n"
                     "  point:X,Y,Z:I          radiant intensity: irradiance I / distance^2\n"
                     "  directional:X,Y,Z:E    direction to the light, irradiance\n"
-                    "  environment:FILE.exr   equirectangular radiance, as 128 directional lights")
+                    "  environment:FILE.exr   equirectangular radiance, its zenith at the asset's up, as 128 directional lights")
         ->allow_extra_args(false)->take_all();
     sub->add_option("--edit", args->edits,
                     "May be repeated; changes materials of an asset of the model sss:\n"

@@ -5,12 +5,11 @@
 // is that of the map; direction = mean direction of the cell weighted by luminance, so a small bright sun keeps its place; angular
 // radius = that of a disc whose directions agree as well as the cell's, so the sun stays sharp and the sky leaves no gaps.
 //
-// Axes of the map (formats/dataset): u right, v down in [0, 1]; theta = pi v from +Z, azimuth phi = pi - 2 pi u from +X towards
-// +Y.
+// Axes of the map: formats/dataset/environment_map.h; its zenith is the light's directionToLight.
 #include "eval/splat_renderer.h"
 
 #include "base/fibonacci_sphere.h"
-#include "interchange/exr.h"
+#include "dataset/environment_map.h"
 
 #include <algorithm>
 #include <cmath>
@@ -47,7 +46,7 @@ Result<std::vector<Light>> expandEnvironment(const Light& light, int count)
     if (light.type != LightType::kEnvironment) return std::vector<Light>{light};
     if (count < 1)
         return Error{ErrorCode::kBadInput, "an environment needs at least 1 directional light, got " + std::to_string(count)};
-    const Result<Image> map = readExr(light.environmentPath);
+    const Result<Image> map = readEnvironmentMap(light.environmentPath);
     if (!map) return map.error();
 
     const auto cells = static_cast<size_t>(count);
@@ -72,11 +71,12 @@ Result<std::vector<Light>> expandEnvironment(const Light& light, int count)
         }
     }
 
+    const glm::dmat3 worldFromMap = worldFromEnvironment(glm::normalize(glm::dvec3(light.directionToLight)));
     std::vector<Light> lights(cells);
     for (size_t i = 0; i < lights.size(); ++i) {
         const double length = glm::length(weighted[i]);
         lights[i].type = LightType::kDirectional;
-        lights[i].directionToLight = glm::vec3(length > 0 ? weighted[i] / length : directions[i]);
+        lights[i].directionToLight = glm::vec3(worldFromMap * (length > 0 ? weighted[i] / length : directions[i]));
         const double agreement = length > 0 ? length / luminance(irradiance[i]) : 1; // of a disc: (1 + cos radius) / 2
         lights[i].radius = float(std::acos(std::clamp(2 * agreement - 1, 0.0, 1.0)));
         lights[i].intensity = glm::vec3(irradiance[i] * glm::dvec3(light.intensity));

@@ -7,7 +7,7 @@
 #include "light_stage/pass_tracer.h"
 
 #include "base/hash.h"
-#include "interchange/exr.h"
+#include "dataset/environment_map.h"
 #include "light_stage/random_walk.h"
 
 #include <algorithm>
@@ -416,7 +416,7 @@ Result<LightSet> gatherLights(std::span<const Light> lights)
         } else if (l.type == LightType::kDirectional) {
             set.deltas.push_back({false, glm::normalize(l.directionToLight), l.intensity, i});
         } else if (l.type == LightType::kEnvironment) {
-            const Result<Image> map = readExr(l.environmentPath);
+            const Result<Image> map = readEnvironmentMap(l.environmentPath);
             if (!map) return map.error();
             set.maps.push_back({EnvironmentLight(*map, l.intensity), i});
         } else {

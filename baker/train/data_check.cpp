@@ -146,7 +146,7 @@ Result<std::vector<std::string>> checkTrainingData(const OlatDataset& dataset, c
     if (images.empty()) return out;
     checkVariety(split, images, out);
     if (silhouettes == Silhouettes::kEmpty) { // colours without coverage say nothing about exposure
-        out.push_back("the alpha of the training images is 0 everywhere: no silhouettes, starting from random points and learning without them; "
+        out.push_back("the alpha of the training images is nowhere above 0.5: no silhouettes, starting from random points and learning without them; "
                       "check the alpha channel or leave it out");
         return out;
     }

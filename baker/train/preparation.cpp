@@ -68,12 +68,17 @@ struct Masks {
     std::vector<Camera> cameras;
     std::vector<std::vector<uint8_t>> masks; // of each camera
     Silhouettes silhouettes = Silhouettes::kGood;
+    size_t empty = 0;       // images without any object: their masks would carve everything away
+    std::string firstEmpty;
 };
+
+constexpr double kBackgroundShare = 1e-3; // of an image: a dead pixel is no background
 
 Result<Masks> loadMasks(const Preparation& p, const Tick& tick)
 {
     Masks found;
-    bool anyObject = false, anyBackground = false;
+    size_t withObject = 0, withBackground = 0;
+    std::vector<Camera> emptyCameras;
     size_t pixelsOfOne = 1;
     for (const CameraImages& view : p.views)
         pixelsOfOne = std::max(pixelsOfOne, size_t(p.split->cameras[view.camera].width) * size_t(p.split->cameras[view.camera].height));
@@ -84,14 +89,24 @@ Result<Masks> loadMasks(const Preparation& p, const Tick& tick)
         if (!image) continue; // training says so
         const size_t pixels = size_t((*image)->width) * (*image)->height;
         std::vector<uint8_t> mask(pixels);
+        size_t object = 0;
         for (size_t i = 0; i < pixels; ++i) {
             mask[i] = (*image)->planes[3 * pixels + i] >= kObjectAlpha;
-            (mask[i] ? anyObject : anyBackground) = true;
+            object += mask[i];
         }
+        if (object == 0) {
+            if (found.empty++ == 0) found.firstEmpty = p.split->images[p.views[k].images[0]].path;
+            emptyCameras.push_back(p.split->cameras[p.views[k].camera]);
+            continue;
+        }
+        ++withObject;
+        withBackground += double(pixels - object) > kBackgroundShare * double(pixels);
         found.masks.push_back(std::move(mask));
         found.cameras.push_back(p.split->cameras[p.views[k].camera]);
     }
-    found.silhouettes = !anyBackground ? Silhouettes::kOpaque : !anyObject ? Silhouettes::kEmpty : Silhouettes::kGood;
+    // A few masks among images without alpha say too little; a view so near that the object fills it is no reason against the others.
+    found.silhouettes = withObject == 0 ? Silhouettes::kEmpty : 4 * withBackground < withObject ? Silhouettes::kOpaque : Silhouettes::kGood;
+    if (withObject == 0) found.cameras = std::move(emptyCameras); // they still frame the object
     return found;
 }
 
@@ -197,6 +212,9 @@ Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& optio
     auto warnings = checkTrainingData(dataset, *p.split, masks->silhouettes);
     if (!warnings) return warnings.error();
     p.warnings = std::move(*warnings);
+    if (masks->empty > 0 && masks->silhouettes != Silhouettes::kEmpty)
+        p.warnings.push_back(std::to_string(masks->empty) + " training views have no alpha above 0.5, the first is " + masks->firstEmpty +
+                             ": their masks are empty or faint and say nothing about the shape; leave these images out or mend their alpha");
 
     if (Status s = tick("hull"); !s) return s.error();
     auto hull = findHull(*masks, *p.split, p.warnings);

@@ -231,7 +231,7 @@ void checkShading(const std::vector<View>& views, const glm::dvec3& centre, std:
 
 Result<std::vector<std::string>> checkConventions(const OlatDataset& dataset, ImageCache& images)
 {
-    std::vector<std::string> out;
+    std::vector<std::string> out = checkAlpha(dataset, images);
     std::vector<glm::dmat4> poses;
     std::vector<std::pair<const OlatSplit*, size_t>> candidates;
     for (const OlatSplit& split : dataset.splits) {

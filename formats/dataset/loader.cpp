@@ -55,7 +55,7 @@ glm::dmat4 rigidPose(const glm::dmat4& given, const JsonNode& node)
     if (!isLast(transposed[3])) {
         const bool swapped = isLast(given[3]);
         std::string found;
-        for (int c = 0; c < 4; c++) found += (c ? " " : "") + brief(given[c][3]);
+        for (int c = 0; c < 4; c++) found.append(c ? " " : "").append(brief(given[c][3]));
         node.fail("last row 0 0 0 1", found + (swapped ? ", and 0 0 0 1 in the last column: the matrix is transposed" : ""));
         return glm::dmat4(1.0);
     }

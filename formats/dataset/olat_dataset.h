@@ -72,7 +72,11 @@ private:
     std::unique_ptr<State> state_;
 };
 
-/// Looks at geometry and at some pixels for a convention that was misread: cameras look at the object, lights lie outside it,
+/// Looks at some images for alpha that is straight where it should be premultiplied (or the other way round), inverted, faint or empty, and
+/// passes on what the cache noted. One line per suspicion; images that cannot be loaded are left out.
+std::vector<std::string> checkAlpha(const OlatDataset& dataset, ImageCache& images);
+
+/// Looks at checkAlpha, at geometry and at some pixels for a convention that was misread: cameras look at the object, lights lie outside it,
 /// shading agrees with the light frame (Lambert sign test). One line per suspicion, saying what is probably flipped.
 Result<std::vector<std::string>> checkConventions(const OlatDataset& dataset, ImageCache& images);
 

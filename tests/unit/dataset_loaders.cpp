@@ -250,10 +250,11 @@ TEST_CASE("a dict of frames, directional lights and environment maps load")
     TempFolder folder;
     const Image black{2, 2, std::vector<float>(16)};
     REQUIRE(writeExr(black, folder.file("a.exr")));
+    REQUIRE(writeExr(Image{4, 2, std::vector<float>(32)}, folder.file("sky.exr")));
     const json pose = toJson(lookAtOrigin({2, 0, 1}, 2).worldFromCamera);
     json top = topLevel();
     top["width"] = top["height"] = 2;
-    top["frames"] = {{"b", {{"file_path", "a.exr"}, {"transform_matrix", pose}, {"light", {{"type", "environment"}, {"map", "a.exr"}}}}},
+    top["frames"] = {{"b", {{"file_path", "a.exr"}, {"transform_matrix", pose}, {"light", {{"type", "environment"}, {"map", "sky.exr"}}}}},
                      {"a", {{"file_path", "a.exr"}, {"transform_matrix", pose},
                             {"light", {{"type", "directional"}, {"direction_to_light", {0, 0.6, 0.8}}, {"irradiance", {1, 2, 3}}}}}}};
     folder.writeText("transforms_any name.json", top.dump());
@@ -270,7 +271,12 @@ TEST_CASE("a dict of frames, directional lights and environment maps load")
     CHECK(split.images[0].light.directionToLight == glm::vec3(0, 0.6f, 0.8f));
     CHECK(split.images[0].light.intensity == glm::vec3(1, 2, 3));
     CHECK(split.images[1].light.type == LightType::kEnvironment);
-    CHECK(split.images[1].light.environmentPath == folder.file("a.exr"));
+    CHECK(split.images[1].light.environmentPath == folder.file("sky.exr"));
+    top["frames"]["b"]["light"]["map"] = "a.exr";
+    folder.writeText("transforms_any name.json", top.dump());
+    const Result<OlatDataset> square = loadDataset(folder.path.string());
+    REQUIRE(!square);
+    checkError(square.error(), ErrorCode::kBadInput, {"frames['b'].light.map", "2 x 2", "twice as wide as high"});
 }
 
 TEST_CASE("canonical PNG without a color_space is sRGB with one warning; what any split says holds, and EXR is linear")

@@ -49,7 +49,7 @@ glm::dvec3 total(const std::vector<Light>& lights)
 
 TEST_CASE("constant map: irradiances sum to 4 pi L, and every cell gets its share")
 {
-    for (const auto& [width, height] : {std::pair(64, 32), std::pair(2, 1), std::pair(33, 7)})
+    for (const auto& [width, height] : {std::pair(64, 32), std::pair(2, 1), std::pair(34, 17)})
         for (int count : {1, 2, 40, 256}) {
             CAPTURE(width);
             CAPTURE(count);
@@ -122,4 +122,40 @@ TEST_CASE("other lights pass through, bad maps and counts are errors")
     REQUIRE_FALSE(missing);
     CHECK(missing.error().message.find("no-such-map.exr") != std::string::npos);
     CHECK_FALSE(expandEnvironment(light, 0));
+}
+
+TEST_CASE("the map's zenith is where the light says; other layouts than latitude-longitude are refused by name")
+{
+    const fs::path path = fs::temp_directory_path() / ("nacre-zenith-" + std::to_string(::getpid()) + ".exr");
+    const auto write = [&](int width, int height) {
+        Image map{width, height, std::vector<float>(size_t(width) * size_t(height) * 4, 0.0f)};
+        for (int x = 0; x < width; ++x) map.pixel(x, 0)[0] = map.pixel(x, 0)[1] = map.pixel(x, 0)[2] = 10.0f;
+        REQUIRE(writeExr(map, path.string()));
+    };
+    write(64, 32);
+    Light light;
+    light.type = LightType::kEnvironment;
+    light.environmentPath = path.string();
+    for (const glm::vec3 up : {glm::vec3(0, 0, 1), glm::vec3(0, 1, 0), glm::vec3(0, -1, 0), glm::vec3(1, 0, 0), glm::vec3(0, 0, -1)}) {
+        light.directionToLight = up;
+        const auto lights = expandEnvironment(light, 100);
+        REQUIRE(lights);
+        glm::dvec3 mean(0.0);
+        for (const Light& l : *lights) mean += double(l.intensity.g) * glm::dvec3(l.directionToLight);
+        CHECK(glm::dot(glm::normalize(mean), glm::dvec3(up)) > 0.999);
+    }
+    const struct {
+        int width, height;
+        const char* word;
+    } layouts[] = {{16, 96, "cube"}, {96, 16, "cube"}, {48, 64, "cross"}, {64, 48, "cross"}, {32, 32, "probe"}, {50, 10, "latitude"}, {16, 32, "latitude"}};
+    for (const auto& c : layouts) {
+        write(c.width, c.height);
+        const auto lights = expandEnvironment(light, 10);
+        REQUIRE(!lights);
+        CAPTURE(lights.error().message);
+        CHECK(lights.error().code == ErrorCode::kBadInput);
+        CHECK(lights.error().message.find(c.word) != std::string::npos);
+        CHECK(lights.error().message.find("twice as wide as high") != std::string::npos);
+    }
+    fs::remove(path);
 }

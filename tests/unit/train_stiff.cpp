@@ -177,7 +177,7 @@ TEST_CASE("alpha zero everywhere: no silhouettes, with and without colours")
     data.edit = [=](Image& image) {
         for (size_t i = 0; i < image.rgba.size(); ++i) image.rgba[i] *= i % 4 == 3 ? 0.0f : colour;
     };
-    checkWarns(data, {"alpha", "0 everywhere", "no silhouettes", "check the alpha channel"});
+    checkWarns(data, {"alpha", "nowhere above 0.5", "no silhouettes", "check the alpha channel"});
 }
 
 TEST_CASE("highlights of 1e4 in a few pixels: how much is clipped, and what to try")

@@ -9,6 +9,7 @@
 //       {type: "all_on"}                                          all of the top level's `lights` (points, directionals) at once
 // Colour is premultiplied by alpha (over black) unless `alpha` says straight; srgb encodes the premultiplied value. Without a color_space in
 // any split PNG is taken as srgb, which is what 8-bit images hold, with a warning, and EXR as linear.
+#include "dataset/environment_map.h"
 #include "dataset/loader.h"
 
 #include <cmath>
@@ -35,6 +36,10 @@ Light readLight(const DatasetSource& source, const JsonNode& node, const std::sh
     } else if (type == "environment") {
         light.type = LightType::kEnvironment;
         light.environmentPath = findImage(source, "", node["map"].string(), node["map"]);
+        light.directionToLight = {0, 0, 1}; // the zenith: this convention's up
+        if (const Result<Image> size = source.readImageSize(light.environmentPath))
+            if (Status s = checkEnvironmentSize(size->width, size->height, inQuotes(light.environmentPath)); !s)
+                node["map"].fail("a latitude-longitude map", s.error().message);
     } else if (type == "all_on") {
         light.type = LightType::kGroup;
         light.group = allOn;
