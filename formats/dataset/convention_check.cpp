@@ -257,6 +257,7 @@ Result<std::vector<std::string>> checkConventions(const OlatDataset& dataset, Im
         views.push_back({&split->cameras[entry.camera], &entry, *image});
         for (size_t i = 3; i < (*image)->rgba.size(); i += 4) hasBackground |= !((*image)->rgba[i] > kInside);
     }
+    if (views.empty() && !unreadable.empty()) return Error{ErrorCode::kBadInput, unreadable[0] + " (and none of " + std::to_string(count) + " images looked at can be used)"};
     if (!unreadable.empty())
         out.push_back(std::to_string(unreadable.size()) + " of " + std::to_string(count) + " images looked at cannot be used; the first: " + unreadable[0]);
     if (views.empty()) return out;

@@ -167,3 +167,14 @@ TEST_CASE("images without alpha are not judged by shading, and the check says so
     REQUIRE(warnings.size() == 1);
     CHECK(mentions(warnings[0], "not checked"));
 }
+
+TEST_CASE("images of which none can be read are an error, not a warning")
+{
+    TempFolder folder;
+    const OlatDataset dataset = sphereDataset(folder);
+    for (const OlatImage& image : dataset.splits[0].images) folder.writeText(std::filesystem::path(image.path).filename().string(), "no image");
+    ImageCache cache(dataset, 64 << 20);
+    const auto found = checkConventions(dataset, cache);
+    REQUIRE(!found);
+    checkError(found.error(), ErrorCode::kBadInput, {"0.exr", "none of 24"});
+}
