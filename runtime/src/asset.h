@@ -25,12 +25,13 @@ enum GeometrySlot { kMeanOpacity, kRotation, kScale, kCommonSlots };
 
 /// The host's matrices, checked and combined for one draw.
 struct DrawFrame {
-    glm::mat3 viewFromAsset;       // rotation times worldScale
+    glm::mat3 viewFromAsset;       // rotation times viewScale
     glm::vec3 viewTranslation;
     glm::mat4 clipFromView;
     glm::dmat4 assetFromWorld;
     glm::vec3 cameraAsset;
     float worldScale;              // world length of one asset unit
+    float viewScale;               // length of one in view space: another where the camera hangs on something scaled
     ClipControl clip;              // of the host
     glm::vec4 nearPlane;           // dot(nearPlane, (p, 1)) > 0 for what is beyond it, view space; tilted in mirrors and water
     float nearW;                   // smallest clip w of the near plane within the frustum

@@ -12,7 +12,7 @@ namespace nacre {
 
 // Hosts compose, drift and invert matrices in float, so nothing is tested for an exact value. A deliberate stretch, shear or perspective
 // is larger than these.
-constexpr double kShapeTolerance = 1e-3;       // 1e4 products of float rotations, never normalised, stay within it
+constexpr double kShapeTolerance = 5e-3;       // 1e4 products of float quaternions, never normalised, drift by 1e-3
 constexpr double kPerspectiveTolerance = 1e-4; // per unit of the result: inverses of matrices whose translation is 1000 round by 6e-5
 
 /// Rotation, mirrored or not, times a uniform scale, affine: true if `m` is one but for rounding, and then exactly affine afterwards.
@@ -94,8 +94,8 @@ Failure makeFrame(const NacreDrawDesc& desc, const ClipControl& clip, DrawFrame*
     double worldScale = 0, viewScale = 0;
     if (!isSimilarity(worldFromAsset, &worldScale))
         return invalid("worldFromAsset must be a rotation (or a mirrored one), a translation and one uniform scale");
-    if (!isSimilarity(viewFromWorld, &viewScale) || std::abs(viewScale - 1) > kShapeTolerance)
-        return invalid("viewFromWorld must be rigid: a rotation (or a mirrored one) and a translation");
+    if (!isSimilarity(viewFromWorld, &viewScale))
+        return invalid("viewFromWorld must be a rotation (or a mirrored one), a translation and one uniform scale");
     if (!isPerspective(clipFromView))
         return invalid("clipFromView must be a perspective projection with clip w = -z (column-major, see nacre.h)");
     if (!(std::abs(glm::determinant(xywFromView(clipFromView))) > 0))
@@ -110,6 +110,7 @@ Failure makeFrame(const NacreDrawDesc& desc, const ClipControl& clip, DrawFrame*
     frame->assetFromWorld = glm::inverse(worldFromAsset);
     frame->cameraAsset = glm::vec3(glm::inverse(viewFromAsset) * glm::dvec4(eye, 1));
     frame->worldScale = float(worldScale);
+    frame->viewScale = float(worldScale * viewScale);
     frame->clip = clip;
     frame->nearPlane = glm::vec4(plane);
     frame->nearW = float(nearW(clipFromView, eye, plane));

@@ -43,7 +43,7 @@ bool sortSplats(NacreAssetImpl& asset, const DrawFrame& frame)
         const glm::vec3& p = asset.positions[g];
         const glm::vec3 view = frame.viewFromAsset * p + frame.viewTranslation;
         const float w = glm::dot(cullX.wRow, view) + cullX.wTranslation;
-        const float scale = asset.maxScales[g] * frame.worldScale;
+        const float scale = asset.maxScales[g] * frame.viewScale;
         if (!(w > 0.999f * frame.nearW)) continue; // a margin for rounding: the shader's test is the exact one
         if (!cullX.meets(view, w, scale, asset.lowPassVariance) || !cullY.meets(view, w, scale, asset.lowPassVariance)) continue;
         const glm::vec3 d = p - frame.cameraAsset;

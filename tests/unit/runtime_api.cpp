@@ -589,7 +589,7 @@ TEST_CASE("numbers that are not finite and matrices that are not what they shoul
     refused([](NacreDrawDesc& d) { d.clipFromView[0] = NAN; }, "clipFromView");
     refused([](NacreDrawDesc& d) { d.worldFromAsset[0] = 2; }, "uniform scale");
     refused([](NacreDrawDesc& d) { d.worldFromAsset[0] = 0; }, "uniform scale");
-    refused([](NacreDrawDesc& d) { std::fill(d.viewFromWorld, d.viewFromWorld + 12, 0.0f); }, "rigid");
+    refused([](NacreDrawDesc& d) { std::fill(d.viewFromWorld, d.viewFromWorld + 12, 0.0f); }, "viewFromWorld");
     refused([](NacreDrawDesc& d) { d.clipFromView[11] = 0, d.clipFromView[15] = 1; }, "perspective");
     refused([](NacreDrawDesc& d) { d.viewportWidth = -1; }, "viewport");
 

@@ -155,6 +155,21 @@ TEST_CASE("rounding of a matrix does not show in the picture")
     CHECK(largestDifference(host.draw(camera, desc), exact) < 1e-3f); // pixels move by 1e-4 of themselves
 }
 
+TEST_CASE("a camera that hangs on something scaled sees the same picture")
+{
+    if (!haveGl()) return;
+    for (const SplatAsset& asset : {withSharp(randomAsset(60, 4, 9), kAllSharp, 4), randomSss(60, kAllSss, 4)}) {
+        Host host(asset);
+        const Camera camera = offCentre();
+        const Image plain = host.draw(camera, kLights);
+        for (const double scale : {0.25, 2.0}) {
+            NacreDrawDesc desc = describe(camera);
+            copy(desc.viewFromWorld, glm::scale(glm::dmat4(1), glm::dvec3(scale)) * glm::inverse(camera.worldFromCamera));
+            CHECK(largestDifference(host.draw(camera, desc), plain) < 1e-4f); // powers of two: little but the near plane differs
+        }
+    }
+}
+
 TEST_CASE("matrices that are not what they should be are refused")
 {
     if (!haveGl()) return;

@@ -131,7 +131,7 @@ NACRE_API NacreResult nacreAssetSetEdits(NacreAsset asset, const NacreEdit* edit
 typedef struct NacreDrawDesc {
     size_t structSize;          // sizeof(NacreDrawDesc)
     float worldFromAsset[16];   // rigid, mirrored or not, plus uniform scale
-    float viewFromWorld[16];    // rigid, mirrored or not
+    float viewFromWorld[16];    // the same; usually without scale
     float clipFromView[16];     // perspective projection; off-centre, jittered, reversed, with an oblique near plane: all are fine
     int viewportWidth;          // pixels of the viewport the host has set (origin as the host set it); 0: nothing is drawn, nothing else is
     int viewportHeight;         // looked at (a minimised window)
