@@ -38,11 +38,13 @@ Result<EvalResult> evaluate(const OlatSplit& split, ImageCache& references, Spla
     for (size_t i = 0; i < count; ++i) {
         const OlatImage& source = split.images[i];
         const Camera& camera = split.cameras[source.camera];
-        const auto lights = rendererLights(source.light);
-        if (!lights) return lights.error();
+        const auto lights = rendererLights(source.light); // an environment map is a file, too
         const auto reference = references.load(split, i);
-        if (!reference || black.has(source, **reference)) {
-            result.skipped.push_back({source.path, reference ? source.path + ": the image is black, although its light is on the camera's side of the object" : reference.error().message});
+        const std::string fault = !reference ? reference.error().message
+                                  : !lights  ? source.path + ": " + lights.error().message
+                                             : black.fault(source, **reference);
+        if (!fault.empty()) {
+            result.skipped.push_back({source.path, fault});
             if (Status s = fewUnusable(result.skipped, count, split.name); !s) return s.error();
             continue;
         }

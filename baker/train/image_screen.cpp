@@ -28,15 +28,15 @@ BlackFrames::BlackFrames(const OlatSplit& split) : split_(split)
     centre_ = {centre[0], centre[1], centre[2]};
 }
 
-bool BlackFrames::has(const OlatImage& entry, const Image& image) const
+std::string BlackFrames::fault(const OlatImage& entry, const Image& image) const
 {
     const Light& light = entry.light;
     if (light.isPunctual()) {
         const glm::dvec3 toEye = split_.cameras[entry.camera].position() - centre_;
         const glm::dvec3 toLight = light.type == LightType::kPoint ? glm::dvec3(light.position) - centre_ : glm::dvec3(light.directionToLight);
-        if (light.intensity == glm::vec3(0.0f) || !(glm::dot(toEye, toLight) > kLitSide * glm::length(toEye) * glm::length(toLight))) return false;
+        if (light.intensity == glm::vec3(0.0f) || !(glm::dot(toEye, toLight) > kLitSide * glm::length(toEye) * glm::length(toLight))) return {};
     }
-    return isBlack(image);
+    return isBlack(image) ? entry.path + ": the image is black, although its light is on the camera's side of the object" : std::string();
 }
 
 Status fewUnusable(const std::vector<UnusableImage>& unusable, size_t count, const std::string& split)
@@ -66,8 +66,7 @@ Result<std::vector<UnusableImage>> unusableImages(const OlatDataset& dataset, co
         tbb::parallel_for(first, std::min(first + atOnce, used.size()), [&](size_t k) {
             const OlatImage& entry = split.images[used[k]];
             const auto image = files.load(split, used[k]);
-            if (!image) fault[k] = image.error().message;
-            else if (black.has(entry, **image)) fault[k] = entry.path + ": the image is black, although its light is on the camera's side of the object";
+            fault[k] = image ? black.fault(entry, **image) : image.error().message;
         });
     }
     std::vector<UnusableImage> out;

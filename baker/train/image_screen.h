@@ -21,7 +21,8 @@ struct UnusableImage {
 class BlackFrames {
 public:
     explicit BlackFrames(const OlatSplit& split);
-    bool has(const OlatImage& entry, const Image& image) const;
+    /// What is wrong with the image; empty if it is not such a frame.
+    std::string fault(const OlatImage& entry, const Image& image) const;
 
 private:
     const OlatSplit& split_;

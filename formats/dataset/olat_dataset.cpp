@@ -112,14 +112,19 @@ Result<DatasetSource> readSource(const std::string& path)
     return source;
 }
 
-/// Counted, and the first named.
-Status checkMissing(const DatasetSource& source, const OlatDataset& dataset)
+/// Counted, and the first named. A few files that are gone are left to those who load images: they go on without.
+Status checkMissing(const DatasetSource& source, OlatDataset& dataset)
 {
     if (source.missing.count == 0) return ok();
     size_t images = 0;
     for (const OlatSplit& split : dataset.splits) images += split.images.size();
-    source.missing.first.fail("an existing file", "no file " + inQuotes(source.missing.path) + "; " + std::to_string(source.missing.count) + " of " +
-                                                      std::to_string(images) + " images are missing");
+    const std::string what = "no file " + inQuotes(source.missing.path) + "; " + std::to_string(source.missing.count) + " of " +
+                             std::to_string(images) + " images are missing";
+    if (3 * source.missing.count <= images) {
+        dataset.warnings.push_back(what);
+        return ok();
+    }
+    source.missing.first.fail("an existing file", what);
     for (const Description& d : source.descriptions)
         if (d.json.failed()) return d.json.error();
     return ok();
