@@ -250,7 +250,7 @@ static Status runBake(BakeArguments args)
     warnOfImages(result->lost, imageCount, "lost on the way");
     for (const std::string& line : result->warnings) warn(line);
     std::vector<Light> lights;
-    for (const OlatImage& image : dataset->find("train")->images) lights.push_back(image.light);
+    for (const OlatImage& image : dataset->find("train")->images) lights.push_back(lightInAsset(result->asset.frame, image.light));
     auto neutral = fitNeutralLook(result->asset, lights);
     if (!neutral) return neutral.error();
     result->asset.neutral = std::move(*neutral);

@@ -3,6 +3,7 @@
 
 #include "appearance/model_table.h"
 #include "asset/asset_io.h"
+#include "dataset/normalise.h"
 
 #include <algorithm>
 #include <array>
@@ -64,15 +65,35 @@ static void printSplit(const OlatSplit& split, size_t lights)
                 cameraDistance.text().c_str(), lightDistance.text().c_str(), intensity.text().c_str());
 }
 
+/// What the checks measured; JSON has null where there is nothing to measure.
+static void printFigures(const DatasetExamination& found)
+{
+    if (found.reflectance) std::printf("apparent reflectance %.2g (%g to %g is plausible)\n", *found.reflectance, kLeastReflectance, kMostReflectance);
+    for (const SplitFigures& f : found.splits) {
+        std::string text;
+        if (f.agreement) text += format("shading agrees with the lights: %.2f (above 0.7 is right)", *f.agreement);
+        if (f.uncovered) text += format("%ssilhouettes excluded by other cameras: %.2f (0 is right)", text.empty() ? "" : "; ", *f.uncovered);
+        if (!text.empty()) std::printf("%-12s %s\n", oneLine(f.split).c_str(), text.c_str());
+    }
+}
+
+static Json figuresJson(const DatasetExamination& found)
+{
+    const auto orNull = [](const std::optional<double>& x) { return x ? Json(*x) : Json(nullptr); };
+    Json out = {{"apparent_reflectance", orNull(found.reflectance)}, {"splits", Json::object()}};
+    for (const SplitFigures& f : found.splits) out["splits"][f.split] = {{"light_agreement", orNull(f.agreement)}, {"uncovered_silhouettes", orNull(f.uncovered)}};
+    return out;
+}
+
 static Status datasetInfo(const InfoArguments& args)
 {
     const auto dataset = loadDataset(args.path);
     if (!dataset) return dataset.error();
     std::vector<std::string> warnings = dataset->warnings;
     ImageCache images(*dataset, size_t(64) << 20);
-    const auto suspicions = checkConventions(*dataset, images);
-    if (!suspicions) return suspicions.error();
-    warnings.insert(warnings.end(), suspicions->begin(), suspicions->end());
+    const auto found = examineDataset(*dataset, images);
+    if (!found) return found.error();
+    warnings.insert(warnings.end(), found->warnings.begin(), found->warnings.end());
 
     const char* colorSpace = dataset->colorSpace == ColorSpace::kLinear ? "linear" : "srgb";
     std::printf("%s: %s convention, %s files, %s alpha, up (%g, %g, %g)\n", args.path.c_str(), dataset->convention.c_str(), colorSpace,
@@ -86,10 +107,11 @@ static Status datasetInfo(const InfoArguments& args)
         splits[split.name] = {{"images", split.images.size()}, {"cameras", split.cameras.size()}, {"lights", lights},
                               {"width", split.cameras.front().width}, {"height", split.cameras.front().height}};
     }
+    printFigures(*found);
     for (const std::string& line : warnings) std::printf("warning: %s\n", oneLine(line).c_str());
     if (warnings.empty()) std::printf("convention checks: nothing suspicious\n");
     if (args.json.empty()) return ok();
-    return writeJson({{"convention", dataset->convention}, {"color_space", colorSpace}, {"splits", splits}, {"warnings", warnings}}, args.json);
+    return writeJson({{"convention", dataset->convention}, {"color_space", colorSpace}, {"splits", splits}, {"checks", figuresJson(*found)}, {"warnings", warnings}}, args.json);
 }
 
 static Status assetInfo(const InfoArguments& args)
@@ -103,6 +125,10 @@ static Status assetInfo(const InfoArguments& args)
     std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat), profile %s\n", args.path.c_str(), asset.model.c_str(), splats,
                 bytes, perSplat, summary.profile.c_str());
     if (!asset.bakedWith.empty()) std::printf("baked with   %s\n", oneLine(asset.bakedWith).c_str());
+    const AssetFrame& frame = asset.frame;
+    if (frame != AssetFrame{})
+        std::printf("in dataset   position = %.9g * position in the asset + (%.9g, %.9g, %.9g); irradiances x %.9g\n", frame.scale, frame.translation.x,
+                    frame.translation.y, frame.translation.z, frame.lightGain);
     Json channels = Json::array();
     for (const auto& channel : summary.channels) {
         std::printf("%-24s %10zu bytes, %.1f per splat\n", channel.name.c_str(), channel.bytes, double(channel.bytes) / double(splats));
@@ -110,7 +136,9 @@ static Status assetInfo(const InfoArguments& args)
     }
     if (args.json.empty()) return ok();
     return writeJson({{"model", asset.model}, {"splats", splats}, {"asset_bytes", bytes}, {"bytes_per_splat", perSplat},
-                      {"profile", summary.profile}, {"channels", channels}}, args.json);
+                      {"profile", summary.profile}, {"channels", channels},
+                      {"dataset_frame", {{"scale", frame.scale}, {"translation", {frame.translation.x, frame.translation.y, frame.translation.z}},
+                                         {"light_gain", frame.lightGain}}}}, args.json);
 }
 
 static Status listModels()

@@ -165,12 +165,12 @@ Action addRender(CLI::App& app)
     sub->add_option("--size", args->size, "Image size WIDTHxHEIGHT in pixels (default: that of --camera, else 512x512)");
     auto* camera = sub->add_option("--camera", args->camera, "DATASET:SPLIT:INDEX, the camera of an image; its light too if there is no --light");
     sub->add_option("--orbit", args->orbit,
-                                  "AZ,EL[,DIST]: azimuth and elevation in degrees, distance in asset units from the middle of the\n"
+                                  "AZ,EL[,DIST]: azimuth and elevation in degrees, distance in units of the dataset from the middle of the\n"
                                   "object (default: 30,20 at a distance that shows all of it)")->excludes(camera);
     sub->add_option("--fov", args->fovYDegrees, "Vertical field of view of --orbit, degrees, 1 to 170")->check(numberBetween(1, 170))
         ->excludes(camera)->capture_default_str();
     sub->add_option("--light", args->lights,
-                    "May be repeated; in the axes of the dataset. I, E: a number or r,g,b\n"
+                    "May be repeated; in axes and units of the dataset. I, E: a number or r,g,b\n"
                     "  point:X,Y,Z:I          radiant intensity: irradiance I / distance^2\n"
                     "  directional:X,Y,Z:E    direction to the light, irradiance\n"
                     "  environment:FILE.exr   equirectangular radiance, its zenith at the asset's up, as 128 directional lights")
@@ -179,7 +179,7 @@ Action addRender(CLI::App& app)
                     "May be repeated; changes materials of an asset of the model sss:\n"
                     "  TARGET=VALUE or TARGET=xFACTOR, TARGET one of basecolor, roughness, metalness, subsurface, opacity (0 to 1)\n"
                     "  and residual, also called tint (factor of the light from beneath the surface); VALUE a number or r,g,b\n"
-                    "  then perhaps @sphere:X,Y,Z,R or @box:X,Y,Z,X,Y,Z, in the axes of the dataset: only there")
+                    "  then perhaps @sphere:X,Y,Z,R or @box:X,Y,Z,X,Y,Z, in axes and units of the dataset: only there")
         ->allow_extra_args(false)->take_all();
     sub->add_option("--frames", args->frames, "More than 1: OUT_0000.png, OUT_0001.png, ... of one turn about the up axis")
         ->check(wholeNumber(1, 100000))->capture_default_str();

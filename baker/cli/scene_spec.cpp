@@ -162,7 +162,8 @@ Subject findSubject(const SplatAsset& asset)
         subject.center[axis] = quantile(values, 0.5);
     }
     for (size_t i = 0; i < values.size(); ++i) values[i] = glm::length(glm::dvec3(asset.cloud.positions[i]) - subject.center);
-    subject.radius = std::max(quantile(values, 0.98), 1e-6);
+    subject.radius = asset.frame.scale * std::max(quantile(values, 0.98), 1e-6);
+    subject.center = asset.frame.positionInDataset(subject.center);
     subject.up = glm::conjugate(glm::dquat(asset.yUpFromAsset)) * glm::dvec3(0, 1, 0);
     return subject;
 }

@@ -27,12 +27,12 @@ Result<PixelSize> parseSize(const std::string& text);
 struct ImageReference { std::string dataset, split; size_t index = 0; };
 Result<ImageReference> parseImageReference(const std::string& text);
 
-/// AZ,EL,DIST: degrees, degrees, asset units. Azimuth 0 is the front (+Z of the glTF scene), growing counter-clockwise seen from
+/// AZ,EL,DIST: degrees, degrees, units of the dataset. Azimuth 0 is the front (+Z of the glTF scene), growing counter-clockwise seen from
 /// above; DIST may be left out (0): then the camera keeps the whole object in view.
 struct Orbit { double azimuth = 30, elevation = 20, distance = 0; };
 Result<Orbit> parseOrbit(const std::string& text);
 
-/// Where the object is: the median of the splat centres, and the distance from there that 98 % of them do not exceed.
+/// Where the object is in the dataset: the median of the splat centres, and the distance from there that 98 % of them do not exceed.
 struct Subject { glm::dvec3 center{0}; double radius = 1; glm::dvec3 up{0, 1, 0}; };
 Subject findSubject(const SplatAsset& asset);
 

@@ -75,6 +75,15 @@ public:
         return check(nacreAssetCreate(context_, assetBytes.data(), assetBytes.size(), &asset_));
     }
 
+    Result<AssetFrame> frame() const
+    {
+        NacreAssetInfo info{};
+        info.structSize = sizeof info;
+        if (Status s = check(nacreAssetGetInfo(asset_, &info)); !s) return s.error();
+        const double* t = info.datasetTranslation;
+        return AssetFrame{info.datasetScale, {t[0], t[1], t[2]}, info.datasetLightGain};
+    }
+
     Result<Image> render(const Camera& camera, std::span<const Light> lights) override
     {
         gl_->makeCurrent();
@@ -208,7 +217,9 @@ Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte>
 {
     auto renderer = std::make_unique<GlRenderer>();
     if (Status s = renderer->open(assetBytes); !s) return s.error();
-    return std::unique_ptr<SplatRenderer>(std::move(renderer));
+    const Result<AssetFrame> frame = renderer->frame();
+    if (!frame) return frame.error();
+    return inDatasetFrame(*frame, std::move(renderer));
 }
 
 } // namespace nacre

@@ -99,7 +99,7 @@ Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& a
 {
     if (Status s = validate(asset); !s) return s.error();
     if (!makeReferenceModel(asset)) return Error{ErrorCode::kUnsupported, "the reference renderer does not know the model '" + asset.model + "'"};
-    return std::unique_ptr<SplatRenderer>(new ReferenceRenderer(asset));
+    return inDatasetFrame(asset.frame, std::make_unique<ReferenceRenderer>(asset));
 }
 
 } // namespace nacre

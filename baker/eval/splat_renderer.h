@@ -1,5 +1,5 @@
 // One interface over the two ways to draw an asset, so that `eval` and `render` do not care which.
-// Cameras and lights are in the asset's own axes (those of the dataset it was baked from).
+// Cameras, lights and regions of edits are those of the dataset the asset was baked from, in its units.
 #pragma once
 
 #include "appearance/sss/sss_edit.h"
@@ -35,6 +35,9 @@ Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte>
 
 /// Scalar math of formats/appearance and baker/render on the CPU.
 Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& asset);
+
+/// Takes what is in the units of the dataset to a renderer of the asset's own.
+std::unique_ptr<SplatRenderer> inDatasetFrame(const AssetFrame& frame, std::unique_ptr<SplatRenderer> renderer);
 
 /// Replaces an environment light by `count` directional lights, one per cell of equal solid angle (spherical Fibonacci): irradiance
 /// is the map's radiance integrated over the cell, direction its luminance-weighted mean. Other lights pass through. Axes: +Z up,

@@ -5,9 +5,11 @@
 
 #include "appearance/model_table.h"
 #include "base/file.h"
+#include "dataset/normalise.h"
 #include "pack/leading_rows.h"
 #include "train/checkpoint.h"
 #include "train/held_out.h"
+#include "train/learning_light.h"
 #include "train/part_trials.h"
 #include "train/preparation.h"
 #include "train/schedule.h"
@@ -253,10 +255,12 @@ Result<BakeResult> Bake::finish()
         return Error{ErrorCode::kIo, "the bake did not end in a usable asset: " + s.error().message};
     // Dataset +Z up becomes glTF +Y up by a quarter turn about X.
     if (dataset_.up.z > 0.5f) asset.yUpFromAsset = glm::quat(std::sqrt(0.5f), -std::sqrt(0.5f), 0, 0);
+    asset.frame = dataset_.frame;
     asset.bakedWith =
         dataset_.convention + " dataset, " + std::to_string(state_.step) + " iterations, seed " + std::to_string(options_.seed);
     if (refinement_) result_.lights = refinement_->lights();
     result_.lost = steps_->lost();
+    for (RefinedLight& l : result_.lights) l.stated = lightInDataset(asset.frame, l.stated), l.refined = lightInDataset(asset.frame, l.refined);
     result_.history = std::move(state_.history);
     result_.parts = std::move(state_.parts);
     result_.iterations = state_.step;
@@ -281,7 +285,17 @@ Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,
                         const std::function<void(const BakeProgress&)>& progress, const std::atomic<bool>* cancel)
 {
     tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
-    return arena.execute([&] { return Bake(dataset, options, progress, cancel).run(); });
+    return arena.execute([&]() -> Result<BakeResult> {
+        const Result<OlatDataset> inFrame = normalised(dataset);
+        if (!inFrame) return inFrame.error();
+        const Result<double> gain = learningGain(*inFrame, options.model);
+        if (!gain) return gain.error();
+        const OlatDataset lit = underGain(*inFrame, *gain);
+        Result<BakeResult> result = Bake(lit, options, progress, cancel).run();
+        if (!result) return result;
+        absorbGain(result->asset, *gain, inFrame->frame);
+        return result;
+    });
 }
 
 } // namespace nacre

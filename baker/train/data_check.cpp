@@ -56,14 +56,14 @@ bool oneViewpoint(const OlatSplit& split, const std::vector<uint32_t>& images)
     return std::all_of(images.begin(), images.end(), [&](uint32_t i) { return same(eye(images[0]), eye(i)); });
 }
 
-void checkVariety(const OlatSplit& split, const std::vector<uint32_t>& images, std::vector<std::string>& out)
+void checkVariety(const AssetFrame& frame, const OlatSplit& split, const std::vector<uint32_t>& images, std::vector<std::string>& out)
 {
     const std::string all = "all " + std::to_string(images.size()) + " training images ";
     if (oneViewpoint(split, images))
         out.push_back(all + "are taken from one place: depth is not determined, and other views will look wrong; add cameras around the object");
     const Light& light = split.images[images[0]].light;
     if (std::all_of(images.begin(), images.end(), [&](uint32_t i) { return sameLight(light, split.images[i].light); }))
-        out.push_back(all + "have the same light (" + (light.type == LightType::kPoint ? "at " + vec(light.position) : "from " + vec(light.directionToLight)) +
+        out.push_back(all + "have the same light (" + (light.type == LightType::kPoint ? "at " + vec(frame.positionInDataset(light.position)) : "from " + vec(light.directionToLight)) +
                       "): relighting cannot be learnt; add images under lights from other directions");
 }
 
@@ -144,7 +144,7 @@ Result<std::vector<std::string>> checkTrainingData(const OlatDataset& dataset, c
     std::vector<std::string> out;
     const std::vector<uint32_t> images = punctualImages(split);
     if (images.empty()) return out;
-    checkVariety(split, images, out);
+    checkVariety(dataset.frame, split, images, out);
     if (silhouettes == Silhouettes::kEmpty) { // colours without coverage say nothing about exposure
         out.push_back("the alpha of the training images is nowhere above 0.5: no silhouettes, starting from random points and learning without them; "
                       "check the alpha channel or leave it out");
@@ -166,7 +166,7 @@ Result<std::vector<std::string>> checkTrainingData(const OlatDataset& dataset, c
     return out;
 }
 
-Status checkLights(const OlatSplit& split, const VisualHull& hull, std::vector<std::string>& warnings)
+Status checkLights(const AssetFrame& frame, const OlatSplit& split, const VisualHull& hull, std::vector<std::string>& warnings)
 {
     const std::vector<uint32_t> images = punctualImages(split);
     if (hull.surface.empty() || oneViewpoint(split, images)) return ok(); // the cone behind one silhouette is not the object
@@ -187,13 +187,13 @@ Status checkLights(const OlatSplit& split, const VisualHull& hull, std::vector<s
             continue;
         const float distance = distanceToHull(hull, position);
         if (enclosed && distance < -kDeep * size)
-            return Error{ErrorCode::kBadInput, image.path + ": its light at " + vec(position) +
+            return Error{ErrorCode::kBadInput, image.path + ": its light at " + vec(frame.positionInDataset(position)) +
                                                    " lies inside the object's silhouettes; check units and axes of the light positions"};
         if (distance < touches && touching++ == 0) first = &image;
     }
     if (!touching) return ok();
     const std::string what = std::to_string(touching) + " of " + std::to_string(images.size()) + " training images have a light ";
-    const std::string where = ", the first is " + first->path + " at " + vec(first->light.position);
+    const std::string where = ", the first is " + first->path + " at " + vec(frame.positionInDataset(first->light.position));
     warnings.push_back(enclosed ? what + "at the object's surface" + where + ": a small spot outshines the rest there; move such lights away or leave them out, "
                                          "or check units and axes of the light positions"
                                 : what + "inside the object's silhouettes" + where + ": check units and axes of the light positions "

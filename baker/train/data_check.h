@@ -22,6 +22,7 @@ Result<std::vector<std::string>> checkTrainingData(const OlatDataset& dataset, c
 
 /// Point lights that touch the object get one warning. One deep inside it has no direction that the splats could agree on:
 /// a mistake in the data, kBadInput.
-Status checkLights(const OlatSplit& split, const VisualHull& hull, std::vector<std::string>& warnings);
+/// `frame` is that of the dataset, in whose units messages speak.
+Status checkLights(const AssetFrame& frame, const OlatSplit& split, const VisualHull& hull, std::vector<std::string>& warnings);
 
 } // namespace nacre

@@ -111,7 +111,7 @@ Result<Masks> loadMasks(const Preparation& p, const Tick& tick)
 }
 
 // Without silhouettes the hull is the cube that all cameras see.
-Result<VisualHull> findHull(const Masks& masks, const OlatSplit& split, std::vector<std::string>& warnings)
+Result<VisualHull> findHull(const AssetFrame& frame, const Masks& masks, const OlatSplit& split, std::vector<std::string>& warnings)
 {
     VisualHull hull;
     if (masks.silhouettes != Silhouettes::kGood) {
@@ -121,7 +121,7 @@ Result<VisualHull> findHull(const Masks& masks, const OlatSplit& split, std::vec
     hull = carveVisualHull(masks.cameras, masks.masks, kHullResolution);
     if (hull.surface.empty())
         warnings.push_back("the alphas leave no visual hull: starting from random points in the common view of the cameras");
-    if (Status s = checkLights(split, hull, warnings); !s) return s.error();
+    if (Status s = checkLights(frame, split, hull, warnings); !s) return s.error();
     return hull;
 }
 
@@ -217,7 +217,7 @@ Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& optio
                              ": their masks are empty or faint and say nothing about the shape; leave these images out or mend their alpha");
 
     if (Status s = tick("hull"); !s) return s.error();
-    auto hull = findHull(*masks, *p.split, p.warnings);
+    auto hull = findHull(dataset.frame, *masks, *p.split, p.warnings);
     if (!hull) return hull.error();
     p.center = {hull->center[0], hull->center[1], hull->center[2]};
     placeSplats(p, *hull, options);

@@ -117,6 +117,16 @@ Status validateNeutral(const SplatAsset& asset)
     return ok();
 }
 
+// Wide enough for a grain of sand in kilometres and a moon in millimetres; within it no product of two leaves float64.
+Status validateFrame(const AssetFrame& frame)
+{
+    const auto sane = [](double x) { return x >= 1e-30 && x <= 1e30; };
+    if (!sane(frame.scale) || !sane(frame.lightGain)) return bad("scale and light gain of the dataset's frame must be from 1e-30 to 1e30");
+    for (int k = 0; k < 3; ++k)
+        if (!(std::abs(frame.translation[k]) <= 1e30)) return bad("translation of the dataset's frame is not finite and below 1e30");
+    return ok();
+}
+
 } // namespace
 
 std::span<const AppearanceModel> appearanceModels()
@@ -146,7 +156,7 @@ Status validate(const SplatAsset& asset)
     if (!(std::isfinite(asset.lowPassVariance) && asset.lowPassVariance >= 0))
         return bad("screen-space filter variance is not finite and >= 0");
     if (!unit(asset.yUpFromAsset)) return bad("rotation to +Y up is not a unit quaternion");
-    return ok();
+    return validateFrame(asset.frame);
 }
 
 } // namespace nacre

@@ -280,6 +280,26 @@ glm::quat nodeRotation(const json& document, size_t mesh)
     return glm::quat(1, 0, 0, 0);
 }
 
+/// Where the asset lies in the dataset it was baked from. Files of before version 4 lie there as they are.
+AssetFrame datasetFrame(const json& relight)
+{
+    AssetFrame frame;
+    const std::string where = std::string(kRelightExtension) + ".datasetFrame";
+    const json* object = find(relight, "datasetFrame");
+    if (!object || needSize(relight, "version", kRelightExtension) < size_t(kFrameVersion)) return frame;
+    const auto number = [](const json& value, const std::string& at) {
+        const double x = value.is_number() ? value.get<double>() : NAN;
+        if (!std::isfinite(x)) bad(at + " is not a finite number");
+        return x;
+    };
+    frame.scale = number(need(*object, "scale", where), where + ".scale");
+    frame.lightGain = number(need(*object, "lightGain", where), where + ".lightGain");
+    const json& translation = need(*object, "translation", where);
+    if (!translation.is_array() || translation.size() != 3) bad(where + ".translation does not have 3 numbers");
+    for (int k = 0; k < 3; ++k) frame.translation[k] = number(translation[size_t(k)], where + ".translation");
+    return frame;
+}
+
 SplatCloud readCloud(const json& document, std::span<const std::byte> bin, const json& attributes, size_t count)
 {
     const auto rowsOf = [&](const char* name, const char* type, int components) {
@@ -388,6 +408,7 @@ SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
     asset.lowPassVariance =
         toFloat(need(need(relight, "screenFilter", kRelightExtension), "variance", "screenFilter"), "screenFilter.variance");
     asset.yUpFromAsset = nodeRotation(document, splats.mesh);
+    asset.frame = datasetFrame(relight);
 
     const size_t count = needSize(relight, "count", kRelightExtension);
     asset.cloud = readCloud(document, chunks.bin, attributes, count);

@@ -148,7 +148,10 @@ private:
             if (channel.leading > 0) entry["leading"] = Value(int(channel.leading)), version = kLeadingVersion;
             channels.emplace_back(std::move(entry));
         }
-        const Value relight(Value::Object{
+        const AssetFrame& frame = asset_.frame;
+        const bool placed = frame != AssetFrame{};
+        if (placed) version = kFrameVersion;
+        Value::Object relight{
             {"version", Value(version)},
             {"model", Value(asset_.model)},
             {"profile", Value(std::string(kLosslessProfile))},
@@ -159,13 +162,18 @@ private:
             {"neutralFunctions", Value(asset_.neutral.shFunctions)},
             {"lightUnits", Value(std::string("KHR_lights_punctual"))},
             {"channels", Value(std::move(channels))},
-            {"bakedWith", Value(asset_.bakedWith)}});
+            {"bakedWith", Value(asset_.bakedWith)}};
+        if (placed)
+            relight["datasetFrame"] = Value(Value::Object{
+                {"scale", Value(frame.scale)},
+                {"translation", Value(Value::Array{Value(frame.translation.x), Value(frame.translation.y), Value(frame.translation.z)})},
+                {"lightGain", Value(frame.lightGain)}});
         primitive_.extensions[kSplatExtension] =
             Value(Value::Object{{"kernel", Value(std::string("ellipse"))},
                                 {"colorSpace", Value(std::string("lin_rec709_display"))},
                                 {"projection", Value(std::string("perspective"))},
                                 {"sortingMethod", Value(std::string("cameraDistance"))},
-                                {"extensions", Value(Value::Object{{kRelightExtension, relight}})}});
+                                {"extensions", Value(Value::Object{{kRelightExtension, Value(std::move(relight))}})}});
     }
 
     void writeScene()

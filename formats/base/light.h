@@ -18,6 +18,7 @@ enum class LightType : uint8_t { kPoint, kDirectional, kEnvironment, kGroup };
 struct Light {
     LightType type = LightType::kPoint;
     glm::vec3 position{0.0f};         // point: in the frame of the splats
+    glm::vec3 positionRest{0.0f};     // what float32 leaves of the position that a dataset states, far from its origin
     glm::vec3 directionToLight{0, 0, 1}; // directional: unit, from the surface to the light; environment: where the map's zenith is
     glm::vec3 intensity{1.0f};        // point: radiant intensity I, irradiance I/r^2; directional: irradiance
     float radius = 0.0f;              // point: 1/r^2 stops growing inside this radius (floor kMinLightRadius); directional: angular radius

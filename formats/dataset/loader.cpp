@@ -1,6 +1,8 @@
 // Helpers that all dataset loaders share: poses, intrinsics, lights, files.
 #include "dataset/loader.h"
 
+#include "dataset/normalise.h"
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -101,6 +103,13 @@ glm::vec3 readVec3(const JsonNode& node)
     return {float(v[0]), float(v[1]), float(v[2])};
 }
 
+void readLightPosition(const JsonNode& node, Light& light)
+{
+    const std::vector<double> v = node.numbers(3);
+    light.position = readVec3(node);
+    for (int k = 0; k < 3; ++k) light.positionRest[k] = float(v[size_t(k)] - double(light.position[k]));
+}
+
 glm::vec3 readIntensity(const JsonNode& node)
 {
     std::vector<double> v = node.isNumber() ? std::vector<double>(3, node.number()) : node.numbers(3);
@@ -168,10 +177,13 @@ void SplitBuilder::add(const Camera& camera, const Light& light, std::string pat
 
 float conventionalIntensity(const std::vector<OlatSplit>& splits)
 {
+    const Framing framing = frameCameras(splits);
+    const glm::dvec3 centre = framing.met ? framing.centre : glm::dvec3(0.0); // lights of one view are mostly stated about the object
     double sum = 0;
     size_t count = 0;
     for (const OlatSplit& split : splits) {
-        for (const OlatImage& image : split.images) sum += glm::length(glm::dvec3(image.light.position)), count++;
+        for (const OlatImage& image : split.images)
+            sum += glm::distance(glm::dvec3(image.light.position) + glm::dvec3(image.light.positionRest), centre), count++;
         if (count) break;
     }
     const double mean = count ? sum / double(count) : 0.0;

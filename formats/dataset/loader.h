@@ -92,6 +92,8 @@ struct FileColors {
 FileColors readFileColors(const DatasetSource& source);
 
 glm::vec3 readVec3(const JsonNode& node);
+/// The position of a point light, to more digits than float32 has (Light::positionRest).
+void readLightPosition(const JsonNode& node, Light& light);
 glm::vec3 readIntensity(const JsonNode& node); // a scalar or [r, g, b], not negative
 
 /// `file` relative to `folder` of the dataset: with the extension `assumed`, as it is, or with one of the usual ones; capitals of the extension
@@ -110,7 +112,7 @@ private:
     std::map<std::array<double, 22>, uint32_t> indexOfCamera_;
 };
 
-/// The intensity for data that has none: a white diffuse surface facing the light from the origin gets radiance 1 at the
+/// The intensity for data that has none: a white diffuse surface facing the light from where the cameras look gets radiance 1 at the
 /// mean distance of the lights of the first split, so I = pi * mean(r)^2. One value for the whole dataset.
 float conventionalIntensity(const std::vector<OlatSplit>& splits);
 

@@ -1,6 +1,7 @@
 // One-light-at-a-time (OLAT) data: the one struct every loader fills and the rest of Nacre reads.
 #pragma once
 
+#include "base/asset_frame.h"
 #include "base/camera.h"
 #include "base/image.h"
 #include "base/light.h"
@@ -9,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +38,7 @@ struct OlatDataset {
     bool premultiplied = true;      // of the files; loaded images always are
     bool straightPng = false;       // PNG files beside EXR ones: straight, whatever `premultiplied` says
     glm::vec3 up{0, 0, 1};          // which world axis is up
+    AssetFrame frame;               // of the cameras and lights below in what the files state (normalise.h)
     int shrink = 1;                 // loaded images are means over so many pixels of the file in each direction; cameras are of these
     std::vector<OlatSplit> splits;
     std::vector<std::string> warnings; // one line each; never printed by the library
@@ -76,8 +79,25 @@ private:
 /// passes on what the cache noted. One line per suspicion; images that cannot be loaded are left out.
 std::vector<std::string> checkAlpha(const OlatDataset& dataset, ImageCache& images);
 
-/// Looks at checkAlpha, at geometry and at some pixels for a convention that was misread: cameras look at the object, lights lie outside it,
-/// shading agrees with the light frame (Lambert sign test). One line per suspicion, saying what is probably flipped.
+/// How well the parts of one split fit together.
+struct SplitFigures {
+    std::string split;
+    std::optional<double> agreement; // mean cosine between the directions that images look lit from and their lights: 0.8 to 0.95 is right
+    std::optional<double> uncovered; // share of the silhouettes that the training silhouettes exclude: 0.00 is right
+};
+
+/// What is probably wrong with a dataset, and the figures that say so.
+struct DatasetExamination {
+    std::vector<std::string> warnings;  // one line each: what was found, what is right, the probable cause, what to try
+    std::vector<SplitFigures> splits;
+    std::optional<double> reflectance;  // apparentReflectance of the train split
+};
+
+/// Looks at checkAlpha, at geometry and at some pixels for a convention that was misread: cameras look at the object, silhouettes are of one object, lights
+/// lie outside it, shading agrees with the lights, lengths and intensities are in one unit.
+Result<DatasetExamination> examineDataset(const OlatDataset& dataset, ImageCache& images);
+
+/// Its warnings alone.
 Result<std::vector<std::string>> checkConventions(const OlatDataset& dataset, ImageCache& images);
 
 } // namespace nacre

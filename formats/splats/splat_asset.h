@@ -1,6 +1,8 @@
 // The relightable splat asset in memory: geometry plus the per-splat channels of one appearance model.
 #pragma once
 
+#include "base/asset_frame.h"
+
 #include <glm/glm.hpp>
 #include <glm/gtc/quaternion.hpp>
 
@@ -13,7 +15,7 @@ namespace nacre {
 
 struct SplatCloud {                   // all arrays have `count` rows
     size_t count = 0;
-    std::vector<glm::vec3> positions; // asset units (metres), in the dataset's own axes
+    std::vector<glm::vec3> positions; // asset units, in the dataset's own axes
     std::vector<glm::quat> rotations; // unit, asset-from-local
     std::vector<glm::vec3> scales;    // standard deviations along the local axes, linear, > 0
     std::vector<float> opacities;     // [0, 1], already through the sigmoid
@@ -46,6 +48,7 @@ struct SplatAsset {
     std::vector<Channel> channels;    // as listed by the model's channel table
     float lowPassVariance = 0.1f;     // px^2 added to both diagonal entries of the projected covariance, opacity-compensated (mip-splatting)
     glm::quat yUpFromAsset{1, 0, 0, 0}; // the glTF node's rotation: dataset axes -> glTF +Y up
+    AssetFrame frame;                 // where the asset lies in the dataset it was baked from
     NeutralLook neutral;
     std::string bakedWith;            // one line of provenance: version, dataset name, iterations, seed
 

@@ -209,6 +209,9 @@ NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info)
         const glm::quat& q = asset->yUpFromAsset;
         const float xyzw[4] = {q.x, q.y, q.z, q.w};
         std::memcpy(info->yUpFromAsset, xyzw, sizeof xyzw);
+        info->datasetScale = asset->frame.scale;
+        for (int c = 0; c < 3; ++c) info->datasetTranslation[c] = asset->frame.translation[c];
+        info->datasetLightGain = asset->frame.lightGain;
         std::snprintf(info->model, sizeof info->model, "%s", asset->modelName.c_str());
         return {};
     });

@@ -60,6 +60,7 @@ struct NacreAssetImpl {
     int visibilitySize = 0; // texels per side of the visibility maps; 0: none
     glm::vec3 boundsMin{0}, boundsMax{0};
     glm::quat yUpFromAsset{1, 0, 0, 0};
+    nacre::AssetFrame frame;
     uint64_t gpuBytes = 0;
     GLuint geometry = 0, lights = 0, order = 0;
     std::unique_ptr<nacre::GpuModel> model;

@@ -102,6 +102,7 @@ Failure uploadAsset(NacreContextImpl& context, const SplatAsset& source, NacreAs
     const Channel* maps = source.find("visibility");
     asset.visibilitySize = maps ? visibilitySize(maps->components) : 0;
     asset.yUpFromAsset = source.yUpFromAsset;
+    asset.frame = source.frame;
     asset.positions = source.cloud.positions;
     asset.boundsMin = asset.boundsMax = asset.positions.at(0);
     for (const glm::vec3& p : asset.positions) {

@@ -181,8 +181,11 @@ static int loadAsset(const Arguments& args, const std::vector<char>& bytes, View
     v.status.info.structSize = sizeof v.status.info;
     v.status.draw.structSize = sizeof v.status.draw;
     if (nacreAssetGetInfo(v.asset, &v.status.info) != NACRE_OK) return fail(1, v.lastError);
+    v.scene.subject = findSubject(v.status.info);
+    std::vector<NacreEdit> edits; // of the command line
+    for (const NacreEdit& edit : args.edits) edits.push_back(inAsset(v.scene.subject, edit));
     // Edits are for assets with materials; the runtime says which those are when asked for an edit, be it one that changes nothing.
-    v.edits = args.edits;
+    v.edits = edits;
     if (v.edits.empty()) v.edits = {{NACRE_EDIT_ROUGHNESS, NACRE_EDIT_MULTIPLY, {1, 1, 1}, NACRE_REGION_EVERYWHERE, {}, {}}};
     if (nacreAssetSetEdits(v.asset, v.edits.data(), v.edits.size()) != NACRE_OK) {
         if (!args.edits.empty()) return fail(2, args.asset + ": " + v.lastError);
@@ -190,9 +193,8 @@ static int loadAsset(const Arguments& args, const std::vector<char>& bytes, View
         v.edits.clear();
     }
 
-    v.scene.subject = findSubject(v.status.info);
     v.scene.lamps = defaultLamps(homeOrbit(v.scene.subject, 1));
-    for (const NacreEdit& edit : args.edits) addEdit(edit, &v.scene.edits);
+    for (const NacreEdit& edit : edits) addEdit(edit, &v.scene.edits);
     return 0;
 }
 

@@ -156,8 +156,8 @@ static void drawEdits(Scene& scene, const Status& status)
 static void drawCommand(const Scene& scene)
 {
     std::string options;
-    for (const Lamp& lamp : scene.lamps) options += "--light " + lightText(toNacre(lamp, scene.camera, scene.subject)) + " ";
-    for (const NacreEdit& edit : toNacre(scene.edits)) options += "--edit " + editText(edit) + " ";
+    for (const Lamp& lamp : scene.lamps) options += "--light " + lightText(inDataset(scene.subject, toNacre(lamp, scene.camera, scene.subject))) + " ";
+    for (const NacreEdit& edit : toNacre(scene.edits)) options += "--edit " + editText(inDataset(scene.subject, edit)) + " ";
     if (ImGui::Button("copy")) ImGui::SetClipboardText(options.c_str());
     ImGui::SameLine();
     ImGui::TextDisabled("lights and edits for `nacre render`:");

@@ -26,6 +26,9 @@ Subject findSubject(const NacreAssetInfo& info)
     s.radius = std::max(0.6f * std::max({size.x, size.y, size.z}), 1e-3f);
     const float* q = info.yUpFromAsset;
     s.assetFromYUp = glm::mat3_cast(glm::conjugate(glm::quat(q[3], q[0], q[1], q[2])));
+    s.datasetScale = info.datasetScale;
+    s.datasetTranslation = glm::make_vec3(info.datasetTranslation);
+    s.datasetLightGain = info.datasetLightGain;
     return s;
 }
 
@@ -204,5 +207,31 @@ std::string lightText(const NacreLight& light)
 {
     return (light.type == NACRE_LIGHT_POINT ? "point:" : "directional:") + numbers(light.vector, 3) + ":" + colorNumbers(light.intensity);
 }
+
+/// scale * p + translation.
+static void moved(float p[3], double scale, const glm::dvec3& translation)
+{
+    for (int k = 0; k < 3; ++k) p[k] = float(scale * p[k] + translation[k]);
+}
+
+static NacreEdit moved(NacreEdit edit, double scale, const glm::dvec3& translation)
+{
+    if (edit.region != NACRE_REGION_EVERYWHERE) moved(edit.low, scale, translation);
+    if (edit.region == NACRE_REGION_BOX) moved(edit.high, scale, translation);
+    if (edit.region == NACRE_REGION_SPHERE) edit.high[0] = float(scale * edit.high[0]);
+    return edit;
+}
+
+NacreLight inDataset(const Subject& subject, NacreLight light)
+{
+    const bool point = light.type == NACRE_LIGHT_POINT;
+    if (point) moved(light.vector, subject.datasetScale, subject.datasetTranslation), light.radius = float(subject.datasetScale * light.radius);
+    const double gain = (point ? subject.datasetScale * subject.datasetScale : 1.0) / subject.datasetLightGain;
+    for (float& i : light.intensity) i = float(i * gain);
+    return light;
+}
+
+NacreEdit inDataset(const Subject& subject, NacreEdit edit) { return moved(edit, subject.datasetScale, subject.datasetTranslation); }
+NacreEdit inAsset(const Subject& subject, NacreEdit edit) { return moved(edit, 1 / subject.datasetScale, -subject.datasetTranslation / subject.datasetScale); }
 
 } // namespace viewer

@@ -16,6 +16,8 @@ struct Subject { // where the object is, in asset space
     glm::vec3 boundsMin{0}, boundsMax{0}, center{0};
     float radius = 1;
     glm::mat3 assetFromYUp{1};
+    double datasetScale = 1, datasetLightGain = 1; // NacreAssetInfo: to what `nacre render` takes
+    glm::dvec3 datasetTranslation{0};
 };
 Subject findSubject(const NacreAssetInfo& info);
 
@@ -64,6 +66,10 @@ void addEdit(const NacreEdit& edit, std::vector<EditGroup>* groups);
 std::vector<NacreEdit> toNacre(const std::vector<EditGroup>& groups);
 std::string editText(const NacreEdit& edit);   // the inverse of parseEdit
 std::string lightText(const NacreLight& light); // as `nacre render --light` takes it
+/// `nacre render` takes lights and edits in the units of the dataset that the asset was baked from.
+NacreLight inDataset(const Subject& subject, NacreLight light);
+NacreEdit inDataset(const Subject& subject, NacreEdit edit);
+NacreEdit inAsset(const Subject& subject, NacreEdit edit);
 
 struct Scene {
     Subject subject;

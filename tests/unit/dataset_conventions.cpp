@@ -1,6 +1,8 @@
 // The checks must be silent on good data and name the mistake on data that was flipped on purpose.
 #include "dataset_support.h"
 
+#include <algorithm>
+#include <functional>
 #include <random>
 
 using namespace nacre;
@@ -22,6 +24,7 @@ OlatDataset sphereDataset(const TempFolder& folder)
         const Camera camera = lookAtOrigin(upper(2.5), 32);
         Light light;
         light.position = glm::vec3(upper(4.0));
+        light.intensity = glm::vec3(40.0f);
         const std::string path = folder.file(std::to_string(i) + ".exr");
         REQUIRE(writeExr(renderSphere(camera, light.position, 40), path));
         dataset.splits[0].cameras.push_back(camera);
@@ -67,10 +70,12 @@ void checkFiresOnFlips(const OlatDataset& good)
     for (const Flip& flip : flips) {
         const std::vector<std::string> warnings = check(withLights(good, flip.frame));
         INFO(flip.named);
-        REQUIRE(warnings.size() == 1);
-        INFO(warnings[0]);
-        CHECK(mentions(warnings[0], "shading disagrees"));
-        CHECK(mentions(warnings[0], flip.named));
+        REQUIRE(warnings.size() == good.splits.size());
+        for (const std::string& warning : warnings) { // each split says so
+            INFO(warning);
+            CHECK(mentions(warning, "shading disagrees"));
+            CHECK(mentions(warning, flip.named));
+        }
     }
 }
 
@@ -177,4 +182,148 @@ TEST_CASE("images of which none can be read are an error, not a warning")
     const auto found = checkConventions(dataset, cache);
     REQUIRE(!found);
     checkError(found.error(), ErrorCode::kBadInput, {"0.exr", "none of 24"});
+}
+
+namespace {
+
+/// The sphere of above with a test split of its own: the last third of the images.
+OlatDataset withTestSplit(OlatDataset dataset)
+{
+    OlatSplit test{"test", {}, {}}, &train = dataset.splits[0];
+    for (uint32_t i = 16; i < 24; ++i) {
+        test.cameras.push_back(train.cameras[i]);
+        test.images.push_back(train.images[i]);
+        test.images.back().camera = i - 16;
+    }
+    train.cameras.resize(16), train.images.resize(16);
+    dataset.splits.push_back(test);
+    return dataset;
+}
+
+using Move = std::function<void(OlatImage& image, const Camera& camera, size_t index)>;
+
+OlatDataset changed(OlatDataset dataset, const char* split, const Move& move)
+{
+    for (OlatSplit& s : dataset.splits)
+        for (size_t i = 0; i < s.images.size(); ++i)
+            if (s.name == split || std::string(split) == "all") move(s.images[i], s.cameras[s.images[i].camera], i);
+    return dataset;
+}
+
+/// Every warning has the words, and there are so many.
+void warns(const OlatDataset& dataset, size_t count, std::initializer_list<const char*> words)
+{
+    const std::vector<std::string> warnings = check(dataset);
+    std::string all;
+    for (const std::string& w : warnings) all += w + "\n";
+    INFO(all);
+    CHECK(warnings.size() == count);
+    for (const std::string& w : warnings) {
+        CHECK(w.size() < 500);
+        for (const char* word : words) CHECK(mentions(w, word));
+    }
+}
+
+void inCameraFrame(OlatImage& image, const Camera& camera, bool openCv)
+{
+    glm::dmat4 pose = camera.worldFromCamera;
+    if (openCv) pose[1] = -pose[1], pose[2] = -pose[2];
+    image.light.position = glm::dvec3(glm::inverse(pose) * glm::dvec4(glm::dvec3(image.light.position), 1));
+}
+
+} // namespace
+
+TEST_CASE("lights that belong to another frame are named for what they are, in the split that has them")
+{
+    TempFolder folder;
+    const OlatDataset good = withTestSplit(sphereDataset(folder));
+    CHECK(check(good).empty());
+    for (const char* split : {"train", "test"}) {
+        CAPTURE(split);
+        warns(changed(good, split, [](OlatImage& i, const Camera& c, size_t) { inCameraFrame(i, c, false); }), 1, {split, "in the cameras' frame"});
+        warns(changed(good, split, [](OlatImage& i, const Camera& c, size_t) { inCameraFrame(i, c, true); }), 1, {split, "in the cameras' frame", "OpenCV"});
+        const OlatSplit* stated = good.find(split);
+        const size_t n = stated->images.size();
+        warns(changed(good, split, [&](OlatImage& i, const Camera&, size_t at) { i.light = stated->images[(at + 1) % n].light; }), 1, {split, "previous", "off by one"});
+        warns(changed(good, split, [&](OlatImage& i, const Camera&, size_t at) { i.light = stated->images[(at + n - 1) % n].light; }), 1, {split, "next", "off by one"});
+    }
+    warns(changed(good, "all", [](OlatImage& i, const Camera& c, size_t) { inCameraFrame(i, c, true); }), 2, {"in the cameras' frame"});
+}
+
+TEST_CASE("lights of the room around a turntable are named, whatever angle the table began at")
+{
+    TempFolder folder;
+    const OlatDataset good = withTestSplit(sphereDataset(folder));
+    for (const double start : {0.0, 1.0, -2.5}) {
+        CAPTURE(start);
+        const auto intoRoom = [&](OlatImage& i, const Camera& c, size_t) {
+            const double angle = start - std::atan2(c.position().y, c.position().x);
+            const glm::dmat3 turn(std::cos(angle), std::sin(angle), 0, -std::sin(angle), std::cos(angle), 0, 0, 0, 1);
+            i.light.position = turn * glm::dvec3(i.light.position);
+        };
+        warns(changed(good, "all", intoRoom), 2, {"room", "turned"});
+    }
+}
+
+TEST_CASE("directions in which light travels are told from directions towards it")
+{
+    TempFolder folder;
+    const OlatDataset good = sphereDataset(folder);
+    const auto directional = [](OlatImage& i, double sign) {
+        i.light.type = LightType::kDirectional;
+        i.light.directionToLight = glm::vec3(sign * glm::normalize(glm::dvec3(i.light.position)));
+        i.light.intensity = glm::vec3(2.5f);
+    };
+    CHECK(check(changed(good, "train", [&](OlatImage& i, const Camera&, size_t) { directional(i, 1); })).empty());
+    warns(changed(good, "train", [&](OlatImage& i, const Camera&, size_t) { directional(i, -1); }), 1, {"in which light travels", "negate"});
+}
+
+TEST_CASE("lights of other images are noticed, all of them or a few")
+{
+    TempFolder folder;
+    const OlatDataset good = sphereDataset(folder);
+    const std::vector<OlatImage> images = good.splits[0].images;
+    warns(changed(good, "train", [&](OlatImage& i, const Camera&, size_t at) { i.light = images[(7 * at + 11) % 24].light; }), 1, {"shading disagrees", "other images"});
+    warns(changed(good, "train", [&](OlatImage& i, const Camera&, size_t at) { if (at % 3 == 0) i.light.position = -i.light.position; }), 1, {"shading disagrees", "other images"});
+    warns(changed(good, "train", [&](OlatImage& i, const Camera&, size_t at) { if (at % 8 == 0) i.light.position = -i.light.position; }), 1, {"images looked at", "darker towards their light"});
+}
+
+TEST_CASE("silhouettes that exclude each other are reported for wrong intrinsics, poses and masks, in the split that has them")
+{
+    Result<OlatDataset> sample = loadDataset(std::string(NACRE_SOURCE_DIR) + "/samples/data/bunny_wax_tiny");
+    REQUIRE(sample);
+    OlatDataset wide = *sample, swapped = *sample, test = *sample;
+    for (OlatSplit& split : wide.splits)
+        for (Camera& c : split.cameras) c.fx *= 2, c.fy *= 2, c.cx *= 1.4;
+    warns(wide, 1, {"excluded by those of other cameras"});
+    std::rotate(swapped.splits[0].cameras.begin(), swapped.splits[0].cameras.begin() + 9, swapped.splits[0].cameras.end());
+    bool found = false;
+    for (const std::string& w : check(swapped)) found |= mentions(w, "excluded by those of other cameras") && mentions(w, "'train'");
+    CHECK(found);
+    for (OlatSplit& split : test.splits)
+        if (split.name == "test") std::rotate(split.cameras.begin(), split.cameras.begin() + 3, split.cameras.end());
+    found = false;
+    for (const std::string& w : check(test)) {
+        found |= mentions(w, "do not fit those of 'train'");
+        CHECK(mentions(w, "'test'"));
+    }
+    CHECK(found);
+}
+
+TEST_CASE("lengths, intensities and intrinsics in another unit are reported with the figure that shows it")
+{
+    TempFolder folder;
+    const OlatDataset good = sphereDataset(folder);
+    const auto scaled = [&](float length, float intensity) {
+        return changed(good, "train", [=](OlatImage& i, const Camera&, size_t) { i.light.position *= length, i.light.intensity *= intensity; });
+    };
+    warns(scaled(1000, 1e6f), 1, {"1.6e+03 times as far", "another unit"});
+    warns(scaled(0.004f, 1), 3, {}); // too near, too bright, and inside the object
+    warns(scaled(1, 0.01f), 1, {"apparent reflectance", "times too small"});
+    warns(scaled(1, 1000), 1, {"apparent reflectance", "times too large"});
+    OlatDataset shifted = good, narrow = good;
+    for (Camera& c : shifted.splits[0].cameras) std::swap(c.fx, c.cx), std::swap(c.fy, c.cy);
+    CHECK(mentions(check(shifted).at(0), "principal point (44.8, 44.8) of images of 32x32"));
+    for (Camera& c : narrow.splits[0].cameras) c.fy *= 3;
+    CHECK(mentions(check(narrow).at(0), "focal lengths"));
 }

@@ -33,7 +33,16 @@ std::string decodeError(std::span<const std::byte> bytes)
 bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 
 const std::string kGolden = std::string(NACRE_SOURCE_DIR) + "/tests/golden/asset_v";
-SplatAsset goldenAsset(int version) { return version >= 3 ? makeLeading(3, 2, 4, /*sharp*/ true) : makeAsset(3, 4, 9, /*sharp*/ version >= 2); }
+SplatAsset inDataset(SplatAsset asset)
+{
+    asset.frame = {1234.56789012345678, {500000.123456789, -1e-7, 1.0 / 3}, 0.001 / 7};
+    return asset;
+}
+SplatAsset goldenAsset(int version)
+{
+    if (version == 4) return inDataset(goldenAsset(3));
+    return version >= 3 ? makeLeading(3, 2, 4, /*sharp*/ true) : makeAsset(3, 4, 9, /*sharp*/ version >= 2);
+}
 
 } // namespace
 
@@ -155,9 +164,37 @@ TEST_CASE("fallback colour is the clamped linear colour of the constant SH term,
     CHECK(rgba[3] == asset.cloud.opacities[1]);
 }
 
+TEST_CASE("where an asset lies in its dataset comes back to the last bit, and only readers that know of it read it")
+{
+    const SplatAsset asset = inDataset(makeAsset(3, 1, 1));
+    GlbParts glb(encoded(asset));
+    CHECK(glb.relight()["version"] == 4);
+    const auto back = decodeAsset(glb.bytes());
+    REQUIRE_MESSAGE(back, (back ? "" : back.error().message));
+    CHECK(back->frame == asset.frame);
+    CHECK(GlbParts(encoded(makeAsset(3, 1, 1))).relight()["version"] == 2); // an asset in the dataset's own units needs no new reader
+
+    struct Damage {
+        const char *key, *value;
+    };
+    for (const Damage& d : {Damage{"scale", "0"}, {"scale", "-1"}, {"scale", "1e300"}, {"scale", "\"1\""}, {"lightGain", "0"}, {"lightGain", "null"},
+                            {"translation", "[0, 0]"}, {"translation", "[0, 0, 1e200]"}, {"translation", "3"}}) {
+        GlbParts bad = glb;
+        bad.relight()["datasetFrame"][d.key] = json::parse(d.value);
+        CAPTURE(d.key);
+        CAPTURE(d.value);
+        CHECK(decodeError(bad.bytes()) != "");
+    }
+    for (const char* key : {"scale", "lightGain", "translation"}) {
+        GlbParts bad = glb;
+        bad.relight()["datasetFrame"].erase(key);
+        CHECK(contains(decodeError(bad.bytes()), key));
+    }
+}
+
 TEST_CASE("golden files of every version still decode")
 {
-    for (int version : {1, 2, 3}) {
+    for (int version : {1, 2, 3, 4}) {
         const auto bytes = readFile(kGolden + std::to_string(version) + ".glb");
         REQUIRE_MESSAGE(bytes, (bytes ? "" : bytes.error().message));
         const auto asset = decodeAsset(*bytes);
@@ -168,7 +205,7 @@ TEST_CASE("golden files of every version still decode")
 }
 
 // Only for a new format version: test_formats --no-skip -tc="write the golden file"
-TEST_CASE("write the golden file" * doctest::skip()) { REQUIRE(writeAsset(goldenAsset(3), kGolden + "3.glb")); }
+TEST_CASE("write the golden file" * doctest::skip()) { REQUIRE(writeAsset(goldenAsset(4), kGolden + "4.glb")); }
 
 TEST_CASE("asset cut at every prefix is an error")
 {
@@ -240,7 +277,7 @@ TEST_CASE("counts, lengths and offsets that lie are refused")
         for (const char* field : {"components", "componentType"})
             refuses(field, [&](GlbParts& g) { g.relight()["channels"][1][field] = n; });
         if (n != json(0)) refuses("buffer", [&](GlbParts& g) { g.json["bufferViews"][0]["buffer"] = n; });
-        if (n != json(1) && n != json(2) && n != json(3)) refuses("version", [&](GlbParts& g) { g.relight()["version"] = n; });
+        if (n != json(1) && n != json(2) && n != json(3) && n != json(4)) refuses("version", [&](GlbParts& g) { g.relight()["version"] = n; });
         if (n != json(0)) refuses("mode", [&](GlbParts& g) { g.primitive()["mode"] = n; });
         if (n != json(0) && n != json(1)) // a prefix of the coefficients is a smaller look, not a lie
             if (n != json(4)) refuses("neutralFunctions", [&](GlbParts& g) { g.relight()["neutralFunctions"] = n; });
@@ -343,7 +380,7 @@ TEST_CASE("files that are no Nacre assets say what they are")
     };
     CHECK(contains(messageAfter([](GlbParts& g) { g.splatting().erase("extensions"); }), "without Nacre relighting data"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.primitive().erase("extensions"); }), "without Gaussian splats"));
-    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["version"] = 4; }), "update Nacre"));
+    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["version"] = 5; }), "update Nacre"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["model"] = "nerf"; }), "unknown appearance model 'nerf'"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.json["extensionsRequired"] = {"EXT_meshopt_compression"}; }),
                    "EXT_meshopt_compression"));

@@ -94,7 +94,7 @@ template <class T> bool sameBits(const std::vector<T>& a, const std::vector<T>& 
 inline bool identical(const SplatAsset& a, const SplatAsset& b)
 {
     bool same = a.model == b.model && a.bakedWith == b.bakedWith && a.lowPassVariance == b.lowPassVariance &&
-                a.yUpFromAsset == b.yUpFromAsset && a.cloud.count == b.cloud.count &&
+                a.yUpFromAsset == b.yUpFromAsset && a.frame == b.frame && a.cloud.count == b.cloud.count &&
                 sameBits(a.cloud.positions, b.cloud.positions) && sameBits(a.cloud.rotations, b.cloud.rotations) &&
                 sameBits(a.cloud.scales, b.cloud.scales) && sameBits(a.cloud.opacities, b.cloud.opacities) &&
                 a.neutral.shFunctions == b.neutral.shFunctions && sameBits(a.neutral.sh, b.neutral.sh) &&

@@ -38,7 +38,8 @@ Status loadBigs(const DatasetSource& source, OlatDataset& out)
             if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
             Light light;
-            light.position = readVec3(frame["light"]["position"]) * kWorldFromLightFrame;
+            readLightPosition(frame["light"]["position"], light);
+            light.position *= kWorldFromLightFrame, light.positionRest *= kWorldFromLightFrame;
             light.intensity = readIntensity(frame["light"]["intensity"]);
             if (description.json.failed()) return description.json.error();
             folder.add(camera, light, path);

@@ -24,7 +24,7 @@ Light readLight(const DatasetSource& source, const JsonNode& node, const std::sh
     const std::string type = node["type"].string();
     if (type == "point") {
         light.type = LightType::kPoint;
-        light.position = readVec3(node["position"]);
+        readLightPosition(node["position"], light);
         light.intensity = readIntensity(node["intensity"]);
     } else if (type == "directional") {
         light.type = LightType::kDirectional;

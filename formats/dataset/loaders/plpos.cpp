@@ -83,7 +83,7 @@ Status loadPlpos(const DatasetSource& source, OlatDataset& out)
             if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
             camera.worldFromCamera = frame["R_opt"].exists() ? readRefinedPose(frame["R_opt"], frame["T_opt"]) : readPose(frame["transform_matrix"]);
             Light light;
-            light.position = readVec3(frame["pl_pos"]);
+            readLightPosition(frame["pl_pos"], light);
             images++;
             if (frame["pl_intensity"].exists()) {
                 withIntensity++;

@@ -70,7 +70,7 @@ Status loadSssgs(const DatasetSource& source, OlatDataset& out)
                     continue;
                 }
                 Light light;
-                light.position = readVec3(positions[i]);
+                readLightPosition(positions[i], light);
                 light.intensity = gains.empty() ? glm::vec3(1.0f) : readIntensity(gains[i]);
                 const std::string path = findImage(source, "", file, files[i], ".png");
                 if (camera.width == 0) { // once for all lights of the frame

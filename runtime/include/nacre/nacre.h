@@ -80,6 +80,9 @@ typedef struct NacreAssetInfo {
     float boundsMax[3];
     float yUpFromAsset[4];      // quaternion x,y,z,w of the asset's glTF node: apply it in worldFromAsset for a +Y-up world
     char model[16];             // "bigs" or "sss"; the latter has materials to edit
+    // The dataset it was baked from, for hosts that work in its units: p_dataset = datasetScale * p_asset + datasetTranslation (as
+    // worldFromAsset it puts the asset there), and intensities of the dataset's lights are to be multiplied by datasetLightGain.
+    double datasetScale, datasetTranslation[3], datasetLightGain;
 } NacreAssetInfo;
 NACRE_API NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info);
 
