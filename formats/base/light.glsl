@@ -1,4 +1,4 @@
-// GLSL twin of base/light.h: what a splat sees of a light and of the camera.
+// GLSL twin of base/light_sample.h: what a splat sees of a light and of the camera.
 
 // At zero distance +Z: any unit vector is as good.
 vec3 directionToCamera(vec3 camera, vec3 mean)

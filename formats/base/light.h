@@ -1,7 +1,7 @@
 // A light as every part of Nacre passes it around. Meaning as in glTF KHR_lights_punctual, linear Rec.709.
 #pragma once
 
-#include "base/host_device.h"
+#include "base/light_sample.h"
 
 #include <glm/glm.hpp>
 
@@ -30,34 +30,11 @@ struct Light {
     bool isPunctual() const { return type == LightType::kPoint || type == LightType::kDirectional; }
 };
 
-/// No light is smaller than this, so that a light on top of a Gaussian stays finite (asset units).
-constexpr float kMinLightRadius = 1e-3f;
-
 /// What a directional light of some angular radius adds to alpha^2 of GGX: the half vector turns half as far as the light. Highlights become
 /// wider and fainter by as much, so that lights which together are an environment leave no gaps between their highlights. (knob_marble, sss,
 /// environment, masked, for factors of 0, 0.125, 0.25 and 0.5: 27.73, 27.80, 27.80, 27.74 dB.)
 NACRE_HD inline float highlightWidening(float angularRadius) { return 0.25f * angularRadius * angularRadius; }
 inline float highlightWidening(const Light& light) { return light.type == LightType::kDirectional ? highlightWidening(light.radius) : 0.0f; }
-
-/// How one Gaussian sees one light: unit direction towards it and the falloff that turns intensity into irradiance.
-template <class T>
-struct LightSample {
-    T dir[3];
-    T falloff;
-};
-
-/// Point light at `position` seen from `p`. At zero distance the direction is +Z: any unit vector is as good.
-template <class T>
-NACRE_HD inline LightSample<T> samplePointLight(const T position[3], T radius, const T p[3])
-{
-    const T d[3] = {position[0] - p[0], position[1] - p[1], position[2] - p[2]};
-    const T r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    const T minRadius = radius > T(kMinLightRadius) ? radius : T(kMinLightRadius);
-    const T falloff = T(1) / (r2 > minRadius * minRadius ? r2 : minRadius * minRadius);
-    if (!(r2 > T(1e-20))) return {{T(0), T(0), T(1)}, falloff};
-    const T inv = T(1) / std::sqrt(r2);
-    return {{d[0] * inv, d[1] * inv, d[2] * inv}, falloff};
-}
 
 /// A point or directional light seen from `p`.
 inline LightSample<float> sampleLight(const Light& light, const float p[3])

@@ -97,11 +97,11 @@ TEST_CASE("sss: the gradient through a pixel's point is that of finite differenc
         glm::dvec3 point = direction(random);
         const double radius = trial % 3 ? 0.1 : 10.0, dFalloff = random.uniform(); // 10: the radius caps the falloff
         const auto value = [&] {
-            const SssLightAt<double> o = sssPointLightAt(&light.x, radius, &point.x);
-            return glm::dot(weight, glm::dvec3(o.wi[0], o.wi[1], o.wi[2])) + dFalloff * o.falloff;
+            const LightSample<double> o = samplePointLight(&light.x, radius, &point.x);
+            return glm::dot(weight, glm::dvec3(o.dir[0], o.dir[1], o.dir[2])) + dFalloff * o.falloff;
         };
         double d[3] = {};
-        sssPointLightBackward(sssPointLightAt(&light.x, radius, &point.x), radius, &weight.x, dFalloff, d);
+        sssPointLightBackward(samplePointLight(&light.x, radius, &point.x), radius, &weight.x, dFalloff, d);
         for (int k = 0; k < 3; ++k) {
             const double was = point[k], step = 1e-6;
             point[k] = was + step;
@@ -210,8 +210,8 @@ double shown(const PixelCase& x) // weighted sum over lights and channels
     const SssPixel<double> pixel = sssPixel(x.g, x.alpha, x.eye, x.ray);
     double sum = 0;
     for (int l = 0; l < 2; ++l) {
-        const SssLightAt<double> at = sssPointLightAt(x.light[l], 0.01, pixel.point);
-        const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.wi);
+        const LightSample<double> at = samplePointLight(x.light[l], 0.01, pixel.point);
+        const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.dir);
         for (int c = 0; c < 3; ++c)
             sum += x.weight[l][c] * sssRadiance(x.channels[l], x.intensity[l][c] * at.falloff, o.value[c], c);
     }
@@ -230,8 +230,8 @@ TEST_CASE("sss: the gradient of a pixel with respect to all its channels is that
         SssPixelGradient<double> d;
         double dLight[2][kSssLightChannels], dG[kSssSurfaceChannels], dAlpha;
         for (int l = 0; l < 2; ++l) {
-            const SssLightAt<double> at = sssPointLightAt(x.light[l], 0.01, pixel.point);
-            sssPixelLightBackward(pixel, x.channels[l], at, 0.01, x.intensity[l], sssReflect(pixel.surface, pixel.wo, at.wi),
+            const LightSample<double> at = samplePointLight(x.light[l], 0.01, pixel.point);
+            sssPixelLightBackward(pixel, x.channels[l], at, 0.01, x.intensity[l], sssReflect(pixel.surface, pixel.wo, at.dir),
                                   x.weight[l], dLight[l], d);
         }
         sssPixelBackward(pixel, x.g, x.ray, d, dG, &dAlpha);
@@ -260,11 +260,11 @@ TEST_CASE("sss: a pixel of no alpha, or whose normals cancel, shows scattered li
                     intensity[3] = {1, 1, 1};
         const SssPixel<float> pixel = sssPixel(g, alpha, eye, ray);
         CHECK(pixel.inverseLength == 0);
-        const SssLightAt<float> at = sssPointLightAt(eye, 0.01f, pixel.point);
-        CHECK(sssRadiance(light, 1e30f, sssReflect(pixel.surface, pixel.wo, at.wi).value[1], 1) == 0.2f);
+        const LightSample<float> at = samplePointLight(eye, 0.01f, pixel.point);
+        CHECK(sssRadiance(light, 1e30f, sssReflect(pixel.surface, pixel.wo, at.dir).value[1], 1) == 0.2f);
         SssPixelGradient<float> d;
         float dLight[kSssLightChannels], dG[kSssSurfaceChannels], dAlpha;
-        sssPixelLightBackward(pixel, light, at, 0.01f, intensity, sssReflect(pixel.surface, pixel.wo, at.wi), intensity, dLight,
+        sssPixelLightBackward(pixel, light, at, 0.01f, intensity, sssReflect(pixel.surface, pixel.wo, at.dir), intensity, dLight,
                               d);
         sssPixelBackward(pixel, g, ray, d, dG, &dAlpha);
         for (float x : dG) CHECK(x == 0.0f);
@@ -296,11 +296,11 @@ ScalarPixel resolveScalar(const PixelRays& rays, const LitView& lit, int x, int 
         const Light& light = lit.lights[l];
         const double radius = std::max(light.radius, kMinLightRadius);
         double position[3], intensity[3];
-        SssLightAt<double> at{};
-        for (int k = 0; k < 3; ++k) position[k] = light.position[k], intensity[k] = light.intensity[k], at.wi[k] = light.directionToLight[k];
+        LightSample<double> at{};
+        for (int k = 0; k < 3; ++k) position[k] = light.position[k], intensity[k] = light.intensity[k], at.dir[k] = light.directionToLight[k];
         at.falloff = 1;
-        if (light.type == LightType::kPoint) at = sssPointLightAt(position, radius, pixel.point);
-        const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.wi);
+        if (light.type == LightType::kPoint) at = samplePointLight(position, radius, pixel.point);
+        const SssReflection<double> o = sssReflect(pixel.surface, pixel.wo, at.dir);
         const int own = kSssSurfaceChannels + kSssLightChannels * l;
         for (int c = 0; c < 3; ++c) out.image[3 * l + c] = sssRadiance(channels + own, intensity[c] * at.falloff, o.value[c], c);
         sssPixelLightBackward(pixel, channels + own, at, radius, intensity, o, dImage + 3 * l, out.dPlanes + own, gradient);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "appearance/sss/sss.h"
+#include "base/light_sample.h"
 
 namespace nacre {
 
@@ -55,15 +56,15 @@ NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, con
 
 /// Adds to dPoint. dWi as a free vector.
 template <class T>
-NACRE_HD inline void sssPointLightBackward(const SssLightAt<T>& o, T radius, const T* dWi, T dFalloff, T* dPoint)
+NACRE_HD inline void sssPointLightBackward(const LightSample<T>& o, T radius, const T* dWi, T dFalloff, T* dPoint)
 {
     using std::sqrt;
     const T distance = sqrt(o.distance2), inv = select(o.distance2 > T(1e-20), T(1) / distance, T(0));
     T along = T(0);
-    for (int c = 0; c < 3; ++c) along += dWi[c] * o.wi[c];
+    for (int c = 0; c < 3; ++c) along += dWi[c] * o.dir[c];
     // d falloff / d point = 2 falloff^2 (light - point), while the radius does not cap it
     const T slope = select(o.distance2 > radius * radius, T(2) * dFalloff * o.falloff * o.falloff * distance, T(0));
-    for (int c = 0; c < 3; ++c) dPoint[c] += slope * o.wi[c] - (dWi[c] - along * o.wi[c]) * inv;
+    for (int c = 0; c < 3; ++c) dPoint[c] += slope * o.dir[c] - (dWi[c] - along * o.dir[c]) * inv;
 }
 
 /// Gradient with respect to a pixel's channels, gathered over its lights.
@@ -74,7 +75,7 @@ template <class T> struct SssPixelGradient {
 
 /// One point light (`intensity` rgb). dImage: gradient of the radiance times alpha. Writes dLight [4], adds to `d`.
 template <class T>
-NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* channels, const SssLightAt<T>& at, T radius,
+NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* channels, const LightSample<T>& at, T radius,
                                            const T* intensity, const SssReflection<T>& o, const T* dImage, T* dLight,
                                            SssPixelGradient<T>& d)
 {
@@ -87,7 +88,7 @@ NACRE_HD inline void sssPixelLightBackward(const SssPixel<T>& pixel, const T* ch
     }
     dLight[kSssIncident] = sum * at.falloff;
     SssReflectGradient<T> here;
-    sssReflectBackward(pixel.surface, pixel.wo, at.wi, o, dValue, here);
+    sssReflectBackward(pixel.surface, pixel.wo, at.dir, o, dValue, here);
     sssPointLightBackward(at, radius, here.wi, sum * channels[kSssIncident], d.point);
     for (int c = 0; c < 3; ++c) d.surface.base[c] += here.base[c], d.surface.normal[c] += here.normal[c];
     d.surface.roughness += here.roughness, d.surface.metalness += here.metalness, d.surface.diffuse += here.diffuse;

@@ -22,7 +22,7 @@ struct PixelGroup {
 /// A light, the same for all lanes.
 struct LightLanes {
     Lanes position[3], intensity[3], radius;
-    SssLightAt<Lanes> directional;
+    LightSample<Lanes> directional;
     bool isPoint;
 };
 
@@ -31,7 +31,7 @@ LightLanes spread(const Light& light)
     LightLanes o{};
     for (int c = 0; c < 3; ++c) {
         o.position[c] = Lanes(light.position[c]), o.intensity[c] = Lanes(light.intensity[c]);
-        o.directional.wi[c] = Lanes(light.directionToLight[c]);
+        o.directional.dir[c] = Lanes(light.directionToLight[c]);
     }
     o.radius = Lanes(std::max(light.radius, kMinLightRadius));
     o.directional.falloff = Lanes(1); // and distance 0: no gradient to the point
@@ -39,9 +39,9 @@ LightLanes spread(const Light& light)
     return o;
 }
 
-SssLightAt<Lanes> lightAt(const LightLanes& light, const Lanes* point)
+LightSample<Lanes> lightAt(const LightLanes& light, const Lanes* point)
 {
-    return light.isPoint ? sssPointLightAt(light.position, light.radius, point) : light.directional;
+    return light.isPoint ? samplePointLight(light.position, light.radius, point) : light.directional;
 }
 
 /// What both directions go through: the image in rows of groups of pixels.
@@ -109,8 +109,8 @@ void sssResolve(const PixelRays& rays, const LitView& lit, const float* planes, 
                 continue;
             }
             const LightLanes& light = resolve.light[l];
-            const SssLightAt<Lanes> to = lightAt(light, group->pixel.point);
-            const SssReflection<Lanes> o = sssReflect(group->pixel.surface, group->pixel.wo, to.wi);
+            const LightSample<Lanes> to = lightAt(light, group->pixel.point);
+            const SssReflection<Lanes> o = sssReflect(group->pixel.surface, group->pixel.wo, to.dir);
             const Lanes* own = group->channels + kSssSurfaceChannels + kSssLightChannels * l;
             for (int c = 0; c < 3; ++c)
                 sssRadiance(own, light.intensity[c] * to.falloff, o.value[c], c)
@@ -131,12 +131,12 @@ void sssResolveBackward(const PixelRays& rays, const LitView& lit, const float* 
             SssPixelGradient<Lanes> gradient;
             for (int l = 0; l < resolve.lights; ++l) {
                 const LightLanes& light = resolve.light[l];
-                const SssLightAt<Lanes> to = lightAt(light, group->pixel.point);
+                const LightSample<Lanes> to = lightAt(light, group->pixel.point);
                 Lanes dPixel[3];
                 for (int c = 0; c < 3; ++c) dPixel[c] = Lanes::load(dImage + size_t(3 * l + c) * pixels + at, count);
                 const int own = kSssSurfaceChannels + kSssLightChannels * l;
                 sssPixelLightBackward(group->pixel, group->channels + own, to, light.radius, light.intensity,
-                                      sssReflect(group->pixel.surface, group->pixel.wo, to.wi), dPixel, d + own, gradient);
+                                      sssReflect(group->pixel.surface, group->pixel.wo, to.dir), dPixel, d + own, gradient);
             }
             sssPixelBackward(group->pixel, group->channels, group->ray, gradient, d, &dAlpha);
         }

@@ -83,27 +83,6 @@ NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo,
     return o;
 }
 
-/// The surface point of a pixel as a point light sees it.
-template <class T>
-struct SssLightAt {
-    T wi[3];
-    T falloff, distance2; // 1 / max(distance^2, radius^2); distance 0: directional
-};
-
-/// At zero distance the direction is +Z: any unit vector is as good.
-template <class T>
-NACRE_HD inline SssLightAt<T> sssPointLightAt(const T* light, T radius, const T* point)
-{
-    using std::sqrt;
-    SssLightAt<T> o{};
-    T d[3];
-    for (int c = 0; c < 3; ++c) d[c] = light[c] - point[c], o.distance2 += d[c] * d[c];
-    const T inv = select(o.distance2 > T(1e-20), T(1) / sqrt(o.distance2), T(0));
-    for (int c = 0; c < 3; ++c) o.wi[c] = select(inv > T(0), d[c] * inv, T(c == 2));
-    o.falloff = T(1) / select(o.distance2 > radius * radius, o.distance2, radius * radius);
-    return o;
-}
-
 // Channels of the G-buffer, blended like colours (not yet divided by alpha).
 constexpr int kSssNormal = 0, kSssBase = 3, kSssRoughness = 6, kSssMetalness = 7, kSssSubsurface = 8, kSssDepth = 9, kSssSurfaceChannels = 10;
 // And per light: visibility * share of the network, and subsurfaceness * residual * irradiance of each Gaussian (rgb). Residual light is
