@@ -111,7 +111,7 @@ static Status datasetInfo(const InfoArguments& args)
     for (const std::string& line : warnings) std::printf("warning: %s\n", oneLine(line).c_str());
     if (warnings.empty()) std::printf("convention checks: nothing suspicious\n");
     if (args.json.empty()) return ok();
-    return writeJson({{"convention", dataset->convention}, {"color_space", colorSpace}, {"splits", splits}, {"checks", figuresJson(*found)}, {"warnings", warnings}}, args.json);
+    return writeJson({{"convention", dataset->convention}, {"color_space", colorSpace}, {"splits", splits}, {"warnings", warnings}, {"checks", figuresJson(*found)}}, args.json);
 }
 
 static Status assetInfo(const InfoArguments& args)

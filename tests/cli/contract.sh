@@ -134,9 +134,9 @@ for bad in 1 1,2 0,1,1 1,-1,1 1,nan,1 1,1,1:lean=2 1,1,1:colour=1; do expect 2 "
 
 echo "-- datasets"
 expect 0 "" "$nacre" info "$sample" --json info.json
-keys info.json 2 convention color_space splits warnings
-keys info.json 4 train test
-keys info.json 6 images cameras lights width height images cameras lights width height
+keys info.json 2 convention color_space splits warnings checks
+keys info.json 4 train test apparent_reflectance splits
+keys info.json 6 images cameras lights width height images cameras lights width height train test
 expect 1 "standard output" bash -c '"$0" info "$1" >/dev/full' "$nacre" "$sample"
 
 cp -r "$sample" truncated
@@ -182,7 +182,7 @@ keys synth.json 4 train all_on environment near
 only set all_on env_studio.exr env_sunset.exr environment near synth.json train transforms_all_on.json transforms_environment.json \
     transforms_near.json transforms_train.json
 expect 0 "" "$nacre" info set --json info.json
-keys info.json 4 train all_on environment near
+keys info.json 4 train all_on environment near apparent_reflectance splits
 grep -q '"warnings": \[\]' info.json || fail "a synthesised dataset looks suspicious: $(cat info.json)"
 expect 2 "name a model" "$nacre" bake set -o few.glb --model auto --iterations 20
 for shard in 2/2 1/2; do expect 0 "" "${tiny[@]}" -o shards --shard $shard --threads 2; done
@@ -304,7 +304,7 @@ expect 1 "c.png" bash -c 'ulimit -f 1; exec "$@"' _ "$nacre" render $asset -o c.
 [ -z "$(ls -A | grep '^c\.png')" ] || fail "a failed render left $(ls -A | grep '^c\.png')"
 
 expect 0 "" "$nacre" info $asset --json info.json
-keys info.json 2 model splats asset_bytes bytes_per_splat profile channels
+keys info.json 2 model splats asset_bytes bytes_per_splat profile channels dataset_frame
 expect 0 "" "$nacre" info --models
 for bytes in 0 4 12 20 1000; do
     head -c $bytes $asset >cut.glb
