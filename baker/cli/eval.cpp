@@ -89,6 +89,8 @@ static Status runEval(const EvalArguments& args)
         if (Status s = makeFolder(args.images); !s) return s;
 
     ImageCache references(*dataset, size_t(64) << 20); // each image is looked at once
+    if (const auto suspicions = checkConventions(*dataset, references)) // else no image can be read, and that is said below
+        for (const std::string& line : *suspicions) warn(line);
     std::vector<Picture> rows; // the first few, for the joined sheet
     size_t rowPixels = 0;
     bool full = false;

@@ -251,6 +251,9 @@ Result<BakeResult> Bake::finish()
     asset.model = options_.model;
     trainer_->exportTo(asset);
     leaveOutZeroRows(asset);
+    if (asset.cloud.count == 0)
+        return Error{ErrorCode::kBadInput, "all splats faded: no arrangement of them explains the training images; check poses, camera axes, "
+                                           "light intensities and masks (nacre info names what looks wrong)"};
     if (Status s = validate(asset); !s)
         return Error{ErrorCode::kIo, "the bake did not end in a usable asset: " + s.error().message};
     // Dataset +Z up becomes glTF +Y up by a quarter turn about X.

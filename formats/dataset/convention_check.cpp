@@ -7,10 +7,12 @@
 #include "dataset/checks.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
 #include <optional>
+#include <set>
 
 namespace nacre {
 namespace {
@@ -109,10 +111,41 @@ std::string briefly(double x)
 
 std::string briefly(const glm::vec3& v) { return "(" + briefly(double(v.x)) + ", " + briefly(double(v.y)) + ", " + briefly(double(v.z)) + ")"; }
 
+/// Images of other splits that a bake learns from: the same file, or the same camera under the same light.
+static void checkHeldOut(const OlatDataset& dataset, std::vector<std::string>& out)
+{
+    const OlatSplit* train = dataset.find("train");
+    if (!train) return;
+    using Key = std::array<double, 22>;
+    const auto key = [](const OlatSplit& split, const OlatImage& image) {
+        const Light& light = image.light;
+        const glm::vec3 at = light.type == LightType::kPoint ? light.position : light.directionToLight;
+        Key k{double(light.type), at.x, at.y, at.z, double(light.radius)};
+        std::copy_n(&split.cameras[image.camera].worldFromCamera[0][0], 16, k.begin() + 5);
+        k[21] = split.cameras[image.camera].fx;
+        return k;
+    };
+    std::set<std::string> files;
+    std::set<Key> shots;
+    for (const OlatImage& image : train->images) {
+        files.insert(image.path);
+        if (image.light.isPunctual()) shots.insert(key(*train, image));
+    }
+    for (const OlatSplit& split : dataset.splits) {
+        if (&split == train) continue;
+        const auto seen = [&](const OlatImage& image) { return files.count(image.path) || (image.light.isPunctual() && shots.count(key(split, image))); };
+        const auto count = std::count_if(split.images.begin(), split.images.end(), seen);
+        if (count > 0)
+            out.push_back(std::to_string(count) + " of " + std::to_string(split.images.size()) + " images of split '" + split.name +
+                          "' are in train, too (same file, or same camera and light): its figures are not of held-out images; keep cameras and lights apart");
+    }
+}
+
 Result<DatasetExamination> examineDataset(const OlatDataset& dataset, ImageCache& images)
 {
     DatasetExamination out;
     out.warnings = checkAlpha(dataset, images);
+    checkHeldOut(dataset, out.warnings);
     std::vector<glm::dmat4> poses;
     for (const OlatSplit& split : dataset.splits)
         for (const Camera& camera : split.cameras) poses.push_back(camera.worldFromCamera);

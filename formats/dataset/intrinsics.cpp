@@ -44,11 +44,18 @@ void rejectDistortion(const JsonNode& scope)
         const JsonNode k = scope[key];
         if (k.exists() && !(std::fabs(k.number()) < kNoDistortion)) refuse(k, "lens distortion " + brief(k.number()));
     }
-    for (const char* key : {"distortion_params", "distortion", "distortion_coefficients", "dist_coeffs", "distCoeffs"}) {
+    for (const char* key : {"distortion_params", "distortion", "distortion_coefficients", "dist_coeffs", "distCoeffs", "radial_distortion", "tangential_distortion", "radial", "kdist", "D"}) {
         const JsonNode all = scope[key];
         if (!all.isArray() && !all.isObject()) continue;
         for (const JsonNode& k : all.items())
             if (k.isNumber() && !(std::fabs(k.number()) < kNoDistortion)) refuse(k, "lens distortion " + brief(k.number()));
+    }
+    if (scope["camera"].isObject()) rejectDistortion(scope["camera"]);
+    const JsonNode parameters = scope["camera_params"]; // as COLMAP and others give them: fx, fy, cx, cy, then the lens
+    if (parameters.isArray()) {
+        const std::vector<JsonNode> all = parameters.items();
+        for (size_t i = 4; i < all.size(); ++i)
+            if (all[i].isNumber() && !(std::fabs(all[i].number()) < kNoDistortion)) refuse(parameters, "lens distortion " + brief(all[i].number()));
     }
     if (scope["is_fisheye"].exists() && scope["is_fisheye"].boolean()) refuse(scope["is_fisheye"], "a fisheye lens");
     for (const char* key : {"camera_model", "camera_type"}) { // those that are a pinhole once their coefficients are 0

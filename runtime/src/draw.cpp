@@ -41,12 +41,30 @@ float largestColor(const Gl& gl)
     return bits > 16 ? std::numeric_limits<float>::max() : bits == 16 ? 65504.0f : 65024.0f; // the last: R11F_G11F_B10F
 }
 
+/// Whether the first draw buffer of a framebuffer object does.
+static bool holdsIntegers(const Gl& gl)
+{
+    GLint attachment = GL_NONE, type = GL_NONE, component = GL_NONE;
+    gl.GetIntegerv(GL_DRAW_BUFFER0, &attachment);
+    if (attachment == GL_NONE) return false;
+    const auto get = [&](GLenum what, GLint* value) {
+        gl.GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, GLenum(attachment), what, value);
+    };
+    get(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE, &type);
+    if (type != GL_NONE) get(GL_FRAMEBUFFER_ATTACHMENT_COMPONENT_TYPE, &component);
+    return component == GL_INT || component == GL_UNSIGNED_INT;
+}
+
 static Failure checkTarget(const Gl& gl)
 {
     const GLenum status = gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER);
-    if (status == GL_FRAMEBUFFER_COMPLETE) return {};
     GLint framebuffer = 0;
     gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer);
+    if (status == GL_FRAMEBUFFER_COMPLETE) {
+        if (framebuffer == 0 || !holdsIntegers(gl)) return {};
+        return {NACRE_ERROR_GL, "the first draw buffer of framebuffer " + std::to_string(framebuffer) +
+                                    " holds integers, into which nothing can be blended; bind a linear float target (RGBA16F)"};
+    }
     char hex[16];
     std::snprintf(hex, sizeof hex, "0x%04X", status);
     return {NACRE_ERROR_GL, "the bound draw framebuffer " + std::to_string(framebuffer) + " is incomplete (status " + hex +

@@ -321,9 +321,27 @@ TEST_CASE("lengths, intensities and intrinsics in another unit are reported with
     warns(scaled(0.004f, 1), 3, {}); // too near, too bright, and inside the object
     warns(scaled(1, 0.01f), 1, {"apparent reflectance", "times too small"});
     warns(scaled(1, 1000), 1, {"apparent reflectance", "times too large"});
+    OlatDataset brighter = good;
+    brighter.splits.push_back(good.splits[0]);
+    brighter.splits.back().name = "near";
+    for (OlatImage& image : brighter.splits.back().images) image.light.intensity *= 3;
+    CHECK(mentions(check(brighter).back(), "split 'near': apparent reflectance"));
     OlatDataset shifted = good, narrow = good;
     for (Camera& c : shifted.splits[0].cameras) std::swap(c.fx, c.cx), std::swap(c.fy, c.cy);
     CHECK(mentions(check(shifted).at(0), "principal point (44.8, 44.8) of images of 32x32"));
     for (Camera& c : narrow.splits[0].cameras) c.fy *= 3;
     CHECK(mentions(check(narrow).at(0), "focal lengths"));
+}
+
+TEST_CASE("held-out images that are in train, too, are counted: the same file, or the same camera under the same light")
+{
+    TempFolder folder;
+    OlatDataset dataset = sphereDataset(folder);
+    OlatSplit copied = dataset.splits[0];
+    copied.name = "near";
+    dataset.splits.push_back(copied);
+    const std::string all = std::to_string(copied.images.size());
+    warns(dataset, 1, {(all + " of " + all + " images of split 'near' are in train").c_str()});
+    for (OlatImage& image : dataset.splits.back().images) image.light.position *= 1.1f; // other lights, the same files
+    CHECK(mentions(check(dataset).at(0), "are in train"));
 }

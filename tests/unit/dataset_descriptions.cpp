@@ -67,9 +67,10 @@ TEST_CASE("lens distortion is refused in every convention, at top level and in a
 {
     const json distorted[] = {{{"k1", 0.3}}, {{"k2", -0.1}}, {{"k6", 0.02}}, {{"p1", 1e-3}}, {{"p2", -1e-3}}, {{"is_fisheye", true}},
                               {{"camera_model", "OPENCV_FISHEYE"}}, {{"camera_model", "opencv_fisheye"}}, {{"camera_model", "EQUIRECTANGULAR"}},
-                              {{"distortion_params", {0, 0, 0.1, 0}}}, {{"distortion", {{"k1", 0.2}}}}, {{"dist_coeffs", {0.1, 0, 0, 0, 0}}}};
+                              {{"distortion_params", {0, 0, 0.1, 0}}}, {{"distortion", {{"k1", 0.2}}}}, {{"dist_coeffs", {0.1, 0, 0, 0, 0}}},
+                              {{"camera", {{"k1", -0.2}}}}, {{"camera_params", {50, 50, 20, 15, 0.2, 0, 0, 0}}}, {{"radial_distortion", {0.1}}}, {{"kdist", {0.1}}}};
     const json straight[] = {{{"k1", 0}, {"k2", 0.0}, {"p1", 0}, {"p2", 0}, {"camera_model", "OPENCV"}}, {{"camera_model", "PINHOLE"}}, {{"is_fisheye", false}},
-                             {{"distortion_params", {0, 0, 0, 0}}}, {{"k1", 1e-12}}};
+                             {{"distortion_params", {0, 0, 0, 0}}}, {{"k1", 1e-12}}, {{"camera_params", {50, 50, 20, 15, 0, 0}}}};
     for (const char* convention : kConventions) {
         for (const json& keys : distorted)
             for (const bool inFrame : {false, true}) {
@@ -317,4 +318,13 @@ TEST_CASE("poses: last rows that are off by rounding load, and what is wrong wit
         REQUIRE(!dataset);
         checkError(dataset.error(), ErrorCode::kBadInput, c.words);
     }
+}
+
+TEST_CASE("a frame with lights of two conventions is refused")
+{
+    Sample sample("plpos");
+    sample.frame["light"] = {{"type", "point"}, {"position", {0, 0, 4}}, {"intensity", {1, 1, 1}}};
+    const Result<OlatDataset> dataset = sample.load();
+    REQUIRE(!dataset);
+    checkError(dataset.error(), ErrorCode::kBadInput, {"light beside pl_pos"});
 }

@@ -256,6 +256,32 @@ TEST_CASE("an incomplete framebuffer gives ERROR_GL with its name and leaves no 
     CHECK(largest(host.draw(front(), kLamp)) > 0.0f);
 }
 
+TEST_CASE("a target that holds integers gives ERROR_GL and keeps its pixels")
+{
+    if (!haveGl()) return;
+    Host host(oneSplat(0));
+    host.setLights(kLamp);
+    GLuint texture = 0, framebuffer = 0;
+    glGenTextures(1, &texture);
+    glBindTexture(GL_TEXTURE_2D, texture);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA16UI, 33, 33, 0, GL_RGBA_INTEGER, GL_UNSIGNED_SHORT, nullptr);
+    glGenFramebuffers(1, &framebuffer);
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
+    const GLuint seven[4] = {7, 7, 7, 7};
+    glClearBufferuiv(GL_COLOR, 0, seven);
+    glViewport(0, 0, 33, 33);
+    const NacreDrawDesc desc = describe(front());
+    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_GL);
+    CHECK_MESSAGE(host.lastMessage().find("holds integers") != std::string::npos, host.lastMessage());
+    CHECK(glGetError() == GL_NO_ERROR);
+    std::vector<GLuint> pixels(33 * 33 * 4);
+    glReadPixels(0, 0, 33, 33, GL_RGBA_INTEGER, GL_UNSIGNED_INT, pixels.data());
+    CHECK(std::all_of(pixels.begin(), pixels.end(), [](GLuint p) { return p == 7; }));
+    glDeleteFramebuffers(1, &framebuffer);
+    glDeleteTextures(1, &texture);
+}
+
 TEST_CASE("a GL error of the host stays pending through a draw")
 {
     if (!haveGl()) return;

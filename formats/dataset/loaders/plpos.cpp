@@ -82,6 +82,7 @@ Status loadPlpos(const DatasetSource& source, OlatDataset& out)
             Camera camera;
             if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
             camera.worldFromCamera = frame["R_opt"].exists() ? readRefinedPose(frame["R_opt"], frame["T_opt"]) : readPose(frame["transform_matrix"]);
+            if (frame["light"].exists()) frame["light"].fail("one light for a frame", "light beside pl_pos; leave one of them out");
             Light light;
             readLightPosition(frame["pl_pos"], light);
             images++;
