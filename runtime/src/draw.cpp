@@ -26,33 +26,31 @@ private:
     std::chrono::steady_clock::time_point last_{};
 };
 
-// A half-float target turns values above 65504 into infinity, so colours stop there; a float target takes everything.
-float largestColor(const Gl& gl)
+/// A property of the first draw buffer of the bound framebuffer object; `none` for a window or where nothing is drawn.
+static GLint targetValue(const Gl& gl, GLenum what, GLint none)
 {
-    GLint framebuffer = 0, attachment = GL_BACK_LEFT, type = GL_NONE, bits = 32;
+    GLint framebuffer = 0, attachment = GL_NONE, type = GL_NONE, value = none;
     gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer);
     if (framebuffer != 0) gl.GetIntegerv(GL_DRAW_BUFFER0, &attachment);
-    if (framebuffer == 0 || attachment == GL_NONE) return std::numeric_limits<float>::max(); // fixed point, clamped by GL itself
-    const auto get = [&](GLenum what, GLint* value) {
-        gl.GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, GLenum(attachment), what, value);
-    };
+    if (attachment == GL_NONE) return none;
+    const auto get = [&](GLenum name, GLint* out) { gl.GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, GLenum(attachment), name, out); };
     get(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE, &type);
-    if (type != GL_NONE) get(GL_FRAMEBUFFER_ATTACHMENT_RED_SIZE, &bits);
+    if (type != GL_NONE) get(what, &value);
+    return value;
+}
+
+// A half-float target turns values above 65504 into infinity, so colours stop there; a float target takes everything, and so does a
+// window, whose fixed point GL itself clamps.
+float largestColor(const Gl& gl)
+{
+    const GLint bits = targetValue(gl, GL_FRAMEBUFFER_ATTACHMENT_RED_SIZE, 32);
     return bits > 16 ? std::numeric_limits<float>::max() : bits == 16 ? 65504.0f : 65024.0f; // the last: R11F_G11F_B10F
 }
 
-/// Whether the first draw buffer of a framebuffer object does.
 static bool holdsIntegers(const Gl& gl)
 {
-    GLint attachment = GL_NONE, type = GL_NONE, component = GL_NONE;
-    gl.GetIntegerv(GL_DRAW_BUFFER0, &attachment);
-    if (attachment == GL_NONE) return false;
-    const auto get = [&](GLenum what, GLint* value) {
-        gl.GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, GLenum(attachment), what, value);
-    };
-    get(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE, &type);
-    if (type != GL_NONE) get(GL_FRAMEBUFFER_ATTACHMENT_COMPONENT_TYPE, &component);
-    return component == GL_INT || component == GL_UNSIGNED_INT;
+    const GLint type = targetValue(gl, GL_FRAMEBUFFER_ATTACHMENT_COMPONENT_TYPE, GL_NONE);
+    return type == GL_INT || type == GL_UNSIGNED_INT;
 }
 
 static Failure checkTarget(const Gl& gl)
@@ -61,7 +59,7 @@ static Failure checkTarget(const Gl& gl)
     GLint framebuffer = 0;
     gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer);
     if (status == GL_FRAMEBUFFER_COMPLETE) {
-        if (framebuffer == 0 || !holdsIntegers(gl)) return {};
+        if (!holdsIntegers(gl)) return {};
         return {NACRE_ERROR_GL, "the first draw buffer of framebuffer " + std::to_string(framebuffer) +
                                     " holds integers, into which nothing can be blended; bind a linear float target (RGBA16F)"};
     }
