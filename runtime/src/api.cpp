@@ -140,7 +140,7 @@ NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreContext* conte
     made->messageUser = desc->messageUser;
     const NacreResult result = guarded(*made, [&]() -> Failure {
         if (!desc->getProcAddress) return invalid("NacreContextDesc.getProcAddress is null, it is required");
-        std::string missing = nacre::loadGl(desc->getProcAddress, desc->getProcAddressUser, &made->gl);
+        std::string missing = nacre::loadGl(desc->getProcAddress, desc->getProcAddressUser, nacre::BackEnd::kAuto, &made->gl);
         if (!missing.empty()) return {NACRE_ERROR_UNSUPPORTED, std::move(missing)};
         nacre::markGlContext(*made);
         return {};

@@ -20,6 +20,7 @@ struct DepthCopy {
     int width = 0, height = 0;
     DepthSource source;                  // the last that was blitted from
     const DepthFormat* blits = nullptr;  // the format that can be, null if none
+    GLuint knownTexture = 0, knownArray = 0; // the last shared one, and the last that was an array; where GL does not tell
 };
 
 /// Empty text: success.

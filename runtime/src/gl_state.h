@@ -2,16 +2,24 @@
 //
 // Left as the host set it, on purpose: during the final draw the host's framebuffer, draw buffers, colour mask of draw buffer 0,
 // viewport, scissor, stencil test, depth function, depth clamp, sRGB encoding, multisampling and clip control apply. Draw buffers after
-// the first are masked off: the splats have one output, and GL would leave the others undefined.
+// the first are masked off (in ES before 3.2, where masks have no index, switched off): the splats have one output, and GL would leave the
+// others undefined.
+//
+// For a host that restores its own state nothing is put back, and nothing is read but what the draw itself needs once passes have
+// disturbed it: framebuffer, viewport, scissor test and colour mask. At rest that is nothing.
 #pragma once
 
 #include "gl_api.h"
 
 #include <array>
+#include <vector>
 
 namespace nacre {
 
 constexpr int kTextureUnits = 6; // units 0..5 are used
+
+/// Whether the host finds its state as it left it.
+enum class HostState { kPutBack, kLeftToHost };
 
 /// x, y, width, height of viewport 0; leaves the host's other viewports alone.
 void setViewport(const Gl& gl, const float box[4]);
@@ -25,7 +33,7 @@ ClipControl clipControl(const Gl& gl);
 
 class GlStateGuard {
 public:
-    explicit GlStateGuard(const Gl& gl);
+    explicit GlStateGuard(const Gl& gl, HostState kind = HostState::kPutBack);
     ~GlStateGuard();
     GlStateGuard(const GlStateGuard&) = delete;
     GlStateGuard& operator=(const GlStateGuard&) = delete;
@@ -37,33 +45,45 @@ public:
     /// Same blending, viewport and depth test in a framebuffer of ours, all draw buffers, without the host's scissor. Binds none.
     void beginOffscreen(bool depthTest);
 
-    GLuint hostFramebuffer() const { return GLuint(drawFramebuffer_); }
-    const float* viewport() const { return viewport_; } // x, y, width, height
+    GLuint hostFramebuffer() { return readTarget(), GLuint(target_.framebuffer); }
+    const float* viewport() { return readTarget(), target_.viewport; } // x, y, width, height
 
 private:
     static constexpr int kMaxDrawBuffers = 8;
-    static constexpr size_t kToggleCount = 18, kLegacyToggleCount = 2;
+    static constexpr size_t kToggleCount = 18, kLegacyToggleCount = 2, kUnpackCount = 8;
     struct Unit { GLint texture2D, texture2DArray, sampler; };
     struct Blend { GLint srcRgb, dstRgb, srcAlpha, dstAlpha, equationRgb, equationAlpha; };
     struct DrawBuffer { GLboolean blend, mask[4]; Blend factors; };
+    struct Target { // what passes replace and the draw wants back
+        GLint framebuffer;
+        float viewport[4];
+        GLboolean scissor, mask[4];
+    };
 
+    void readTarget();
+    void readAll();
     Blend readBlend(int drawBuffer) const;
+    void neutralise();
     void beginBlending(bool depthTest);
+    void drawIntoFirst();
     void pauseTransformFeedback();
 
     const Gl& gl_;
-    int drawBufferCount_;
-    GLint drawFramebuffer_, readFramebuffer_, vertexArray_, program_, activeTexture_, unpackBuffer_;
+    const HostState kind_;
+    const int drawBufferCount_; // that have a state of their own
+    bool targetRead_ = false, disturbed_ = false;
+    Target target_;
+    std::vector<GLenum> hostDrawBuffers_; // empty unless they have been replaced
+    GLint readFramebuffer_, vertexArray_, program_, activeTexture_, unpackBuffer_;
     std::array<Unit, kTextureUnits> units_;
     std::array<DrawBuffer, kMaxDrawBuffers> drawBuffers_;
-    std::array<GLint, 8> unpack_;
+    std::array<GLint, kUnpackCount> unpack_;
     std::array<GLboolean, kToggleCount> toggles_;
-    std::array<GLboolean, kLegacyToggleCount> legacyToggles_{}; // compatibility profile
-    GLint clampFragmentColor_ = 0;
+    std::array<GLboolean, kLegacyToggleCount> legacyToggles_; // compatibility profile
+    GLint clampFragmentColor_;
     bool feedbackPaused_ = false;
     GLint polygonMode_[2];
-    GLboolean depthTest_, depthMask_, scissor_;
-    float viewport_[4];
+    GLboolean depthTest_, depthMask_;
 };
 
 /// Image unit 0. Only where there are compute shaders.

@@ -13,20 +13,45 @@ static GLint attachmentValue(const Gl& gl, GLenum attachment, GLenum what)
     return value;
 }
 
+/// Attaches a texture's level to our framebuffer, which is bound, where nothing tells whether it is the first layer of an array (ES before
+/// 3.2): by trying the kind that this name had last. GL remembers a wrong guess as an error, so a new name is tried without the host's.
+static void attachUnknownTexture(NacreContextImpl& context, GLuint name, GLint level)
+{
+    const Gl& gl = context.gl;
+    GLuint& knownArray = context.depthCopy.knownArray;
+    const auto attached = [&] { return GLuint(attachmentValue(gl, GL_DEPTH_ATTACHMENT, GL_FRAMEBUFFER_ATTACHMENT_OBJECT_NAME)) == name; };
+    const auto attach = [&](bool array) {
+        if (array) gl.FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, name, level, 0);
+        else gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, name, level);
+    };
+    const bool array = knownArray == name;
+    if (name != context.depthCopy.knownTexture) clearHostErrors(context);
+    detachHostDepth(gl);
+    attach(array);
+    if (!attached()) {
+        takeGlError(gl);
+        attach(!array);
+        knownArray = array ? 0 : name;
+    }
+    context.depthCopy.knownTexture = name;
+}
+
 /// Shares the image that the host has attached; its framebuffer is bound. False for one with layers, of which splats are drawn into the
 /// first: GL 3.3 does not say how to name that one alone.
-static bool shareDepth(const Gl& gl, GLuint ours)
+static bool shareDepth(NacreContextImpl& context, GLuint ours)
 {
+    const Gl& gl = context.gl;
     const auto get = [&](GLenum what) { return attachmentValue(gl, GL_DEPTH_ATTACHMENT, what); };
-    const bool texture = get(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE) == GL_TEXTURE;
+    const bool texture = get(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE) == GL_TEXTURE, layersKnown = gl.FramebufferTexture;
     const GLuint name = GLuint(get(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_NAME));
     const GLint level = texture ? get(GL_FRAMEBUFFER_ATTACHMENT_TEXTURE_LEVEL) : 0;
     const GLint face = texture ? get(GL_FRAMEBUFFER_ATTACHMENT_TEXTURE_CUBE_MAP_FACE) : 0, layer = texture ? get(GL_FRAMEBUFFER_ATTACHMENT_TEXTURE_LAYER) : 0;
-    if (texture && get(GL_FRAMEBUFFER_ATTACHMENT_LAYERED)) return false;
+    if (texture && layersKnown && get(GL_FRAMEBUFFER_ATTACHMENT_LAYERED)) return false;
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, ours);
     if (!texture) gl.FramebufferRenderbuffer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, name);
     else if (face) gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GLenum(face), name, level);
     else if (layer) gl.FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, name, level, layer);
+    else if (!layersKnown) attachUnknownTexture(context, name, level);
     else {
         gl.FramebufferTexture(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, name, level);
         // layer 0 of an array looks like a plain texture from outside, but attached as a whole it shows its layers
@@ -83,17 +108,17 @@ static void makeCopy(NacreContextImpl& context, GLuint ours, const DepthFormat& 
     gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, copy.texture, 0);
 }
 
-/// Of one sample: GL converts between formats, and stencil is left behind.
-static void copySingle(NacreContextImpl& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
+/// Of one sample, in desktop GL: it converts between formats, and stencil is left behind.
+static void copyConverted(NacreContextImpl& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
 {
     makeCopy(context, ours, likelyFormat({.depthBits = source.depthBits, .real = source.real}), x1, y1);
     bindTexture(context.gl, 0, GL_TEXTURE_2D, context.depthCopy.texture);
     context.gl.CopyTexSubImage2D(GL_TEXTURE_2D, 0, x0, y0, x0, y0, x1 - x0, y1 - y0);
 }
 
-/// Of several: a blit, which demands the same format on both sides, and GL does not tell the host's. It is found by trying, with one
-/// pixel, once for each depth buffer.
-static bool copyMultisampled(NacreContextImpl& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
+/// Of several, and in ES: a blit, which demands the same format on both sides, and GL does not tell the host's. It is found by trying,
+/// with one pixel, once for each depth buffer. In ES the pixels of a multisampled one must keep their places.
+static bool copySameFormat(NacreContextImpl& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
 {
     const Gl& gl = context.gl;
     DepthCopy& copy = context.depthCopy;
@@ -101,8 +126,9 @@ static bool copyMultisampled(NacreContextImpl& context, GLuint ours, const Depth
         clearHostErrors(context);
         copy.source = source, copy.blits = nullptr;
         for (const DepthFormat* format : {&likelyFormat(source), &k24, &k24Stencil, &k32Real, &k32RealStencil, &k16, &k32}) {
-            makeCopy(context, ours, *format, 1, 1);
-            gl.BlitFramebuffer(x0, y0, x0 + 1, y0 + 1, 0, 0, 1, 1, GL_DEPTH_BUFFER_BIT, GL_NEAREST);
+            if (gl.es && format == &k32) continue;
+            makeCopy(context, ours, *format, x0 + 1, y0 + 1);
+            gl.BlitFramebuffer(x0, y0, x0 + 1, y0 + 1, x0, y0, x0 + 1, y0 + 1, GL_DEPTH_BUFFER_BIT, GL_NEAREST);
             if (takeGlError(gl) != GL_NO_ERROR) continue;
             copy.blits = format;
             break;
@@ -121,13 +147,13 @@ Failure attachHostDepth(NacreContextImpl& context, GLuint host, GLuint ours, con
     const DepthSource source = describeDepth(gl, host);
     bool attached = true;
     if (source.type == GL_NONE) gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, ours);
-    else if (!host || source.samples > 0 || !shareDepth(gl, ours)) {
+    else if (!host || source.samples > 0 || !shareDepth(context, ours)) {
         const int x0 = std::max(int(viewport[0]), 0), y0 = std::max(int(viewport[1]), 0);
         const int x1 = int(viewport[0] + viewport[2]), y1 = int(viewport[1] + viewport[3]);
         gl.BindFramebuffer(GL_READ_FRAMEBUFFER, host);
         gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, ours);
-        if (source.samples > 0) attached = copyMultisampled(context, ours, source, x0, y0, x1, y1);
-        else copySingle(context, ours, source, x0, y0, x1, y1);
+        if (source.samples > 0 || gl.es) attached = copySameFormat(context, ours, source, x0, y0, x1, y1);
+        else copyConverted(context, ours, source, x0, y0, x1, y1);
     }
     if (attached && gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE) return {};
     detachHostDepth(gl);

@@ -32,6 +32,8 @@ void KeptPasses::update()
 
 void KeptPasses::begin()
 {
+    asking_ = false;
+    if (gl_.es) return; // has neither conditional rendering nor, before 3.2, this counter: passes are believed
     Run& run = runs_[next_];
     if (run.pending) believe(run); // a driver that does not tell for so long is not asked further
     run.pending = false;
