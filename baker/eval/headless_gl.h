@@ -1,5 +1,5 @@
-// An OpenGL 3.3 core context without a window (EGL), and a linear float frame to draw into. For the command line and the tests;
-// the runtime itself never makes a context.
+// An OpenGL context without a window, and a linear float frame to draw into. For the command line and the tests; the runtime itself never
+// makes a context.
 #pragma once
 
 #include "base/image.h"
@@ -10,10 +10,16 @@
 
 namespace nacre {
 
+enum class HeadlessKind {
+    kEgl,    // OpenGL 3.3 core or newer
+    kEglEs,  // OpenGL ES 3.0 or newer
+    kOsMesa  // OpenGL 3.3 core or newer, in software, by the library OSMesa, which need not be there
+};
+
 class HeadlessGl {
 public:
     /// Makes a context and makes it current on this thread: on a GPU if there is one, else in software. Error kGpu says what is missing.
-    static Result<std::unique_ptr<HeadlessGl>> create();
+    static Result<std::unique_ptr<HeadlessGl>> create(HeadlessKind kind = HeadlessKind::kEgl);
     ~HeadlessGl();
     HeadlessGl(const HeadlessGl&) = delete;
     HeadlessGl& operator=(const HeadlessGl&) = delete;
@@ -25,9 +31,9 @@ public:
     Image readFrame();
     /// e.g. "llvmpipe (LLVM 15.0.6, 256 bits), GL 4.5"
     const std::string& description() const { return description_; }
-    bool isSoftware() const { return software_; }
+    bool isSoftware() const;
 
-    /// For NacreContextDesc; `user` is unused.
+    /// For NacreContextDesc: functions of the context that was made current last on this thread; `user` is unused.
     static void* getProcAddress(const char* name, void* user);
 
 private:
@@ -35,7 +41,6 @@ private:
     HeadlessGl();
     std::unique_ptr<Impl> impl_;
     std::string description_;
-    bool software_ = false;
 };
 
 } // namespace nacre
