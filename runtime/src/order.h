@@ -3,6 +3,7 @@
 // only if the eye or an instance has moved, and a change of the projection (jitter) or a turn of the camera at most culls again.
 #pragma once
 
+#include "base/bucket_sort.h"
 #include "base/radix_sort.h"
 
 #include <glm/glm.hpp>
@@ -19,7 +20,8 @@ struct OrderInstance {
     const float* maxScales;          // asset units, standard deviation along the longest axis
     uint32_t count, first;
     glm::mat3 worldFromAsset;
-    glm::vec3 fromEye;               // translation of worldFromAsset minus the eye (where clip x = y = w = 0), in double; orthographic: any fixed point
+    glm::vec3 fromEye;               // translation of worldFromAsset minus the eye (where clip x = y = w = 0), subtracted in double;
+                                     // orthographic: minus any point that stays where it is
     glm::mat3 viewFromAsset;         // rotation times viewScale
     glm::vec3 viewTranslation;
     float viewScale, lowPass;        // length of one asset unit in view space; pixels^2
@@ -32,12 +34,13 @@ struct OrderCamera {
     float nearW;                     // smallest clip w of what is drawn
     bool orthographic;
     glm::vec3 towardsEye{0};         // world, unit; orthographic only
-    float eyeRounding = 0;           // world units: an eye that is so near to that of the last sort is the same, seen through rounded matrices
+    float eyeRounding = 0;           // world units: an eye as near as this to that of the last sort is the same, from rounded matrices
 };
 
 class Order {
 public:
-    /// `instances` in ascending order of `first`, none overlaps the next. True if farToNear() has changed. With the same positions, instances and eye as in the last call nothing is sorted.
+    /// `instances` in ascending order of `first`, none overlaps the next. True if farToNear() has changed. Nothing is sorted if neither the
+    /// instances nor the eye have moved since the last call, but for the first turn after a move with few splats in the frame.
     bool update(std::span<const OrderInstance> instances, const OrderCamera& camera);
 
     /// List indices, far to near; equal keys: the lower index is in front. Splats that cannot touch the frame are left out, but for some
@@ -54,29 +57,50 @@ private:
         float offset = 0, reach = 0;
         float slack = 0;             // by which offset may change
     };
-    static constexpr int kPlanes = 5;
     struct Frustum {
-        Plane planes[kPlanes];
+        Plane planes[5];
+        int count = 0;               // of them in use
         bool orthographic = false;
+        std::span<const Plane> inUse() const { return std::span(planes).first(size_t(count)); }
         bool covers(const Frustum& other) const;
-        bool holds(const glm::vec3& d, float scale) const;
     };
     static Frustum frustumOf(std::span<const OrderInstance> instances, const OrderCamera& camera);
 
+    /// The sphere around an instance's means, asset units.
+    struct Bounds {
+        glm::vec3 centre{0};
+        float radius = 0, maxScale = 0;
+    };
+    static Bounds boundsOf(const OrderInstance& instance);
+    enum class Side { kInside, kOutside, kAcross };
+    struct Block;
+
     bool sameKeys(std::span<const OrderInstance> instances, const OrderCamera& camera) const;
-    void sortAll(std::span<const OrderInstance> instances);
-    void cull(std::span<const OrderInstance> instances);
+    void pass(std::span<const OrderInstance> instances, bool sorts);
+    void computeKeys(const Block& block, uint32_t* keys) const;
+    Side sideOf(const OrderInstance& instance, const Bounds& bounds, float scale) const;
+    void mark(const Block& block);
+    void markAll(const OrderInstance& instance);
+    void setBits(uint32_t at, uint64_t bits);
+    void list(std::span<const OrderInstance> instances);
+    bool touches(uint32_t at) const { return touches_[at >> 5] >> (at & 31) & 1u; }
+    void sort(bool all);
+    void gather();
 
     std::vector<OrderInstance> sortedAt_; // as they were when they were sorted; only compared
     bool orthographic_ = false;
     glm::vec3 towardsEye_{0};
-    std::vector<uint32_t> keys_, sorted_;
-    RadixScratch<uint32_t> scratch_;
+    std::vector<Bounds> bounds_;     // of the instances
+    std::vector<uint32_t> listed_, keys_; // list indices and their keys
+    std::vector<uint32_t> someListed_, someKeys_;
+    std::vector<uint32_t> sorted_;
+    BucketSort sort_;
 
     Frustum culled_;                 // the frame that was culled to
     std::vector<uint32_t> touches_;  // a bit for each list index
-    std::vector<uint32_t> drawn_;
-    bool allDrawn_ = true, hasSorted_ = false;
+    size_t touching_ = 0;
+    std::vector<uint32_t> drawn_;    // what touches, in order
+    bool allSorted_ = true, allDrawn_ = true, hasSorted_ = false;
 };
 
 } // namespace nacre

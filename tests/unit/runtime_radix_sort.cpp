@@ -1,3 +1,4 @@
+#include "base/bucket_sort.h"
 #include "base/radix_sort.h"
 
 #include <doctest/doctest.h>
@@ -24,6 +25,27 @@ TEST_CASE("radix sort equals a stable comparison sort")
             radixSort(std::span(keys), std::span(order), scratch);
             CHECK(std::is_sorted(keys.begin(), keys.end()));
             CHECK(order == expected);
+        }
+}
+
+TEST_CASE("bucket sort equals a stable comparison sort turned over")
+{
+    std::mt19937 rng(2);
+    BucketSort sort;
+    // Masks make buckets of one key and of all, and every number of digits.
+    for (const uint32_t mask : {0xffffffffu, 0x7fffffffu, 0xfffffu, 0x3ffu, 0xffc00000u, 0x80000001u, 0x7u, 0u})
+        for (const size_t count : {0, 1, 2, 33, 1000, 2048, 100000}) {
+            CAPTURE(mask);
+            CAPTURE(count);
+            std::vector<uint32_t> keys(count), payloads(count), index(count), expected(count), sorted(count);
+            for (uint32_t& k : keys) k = uint32_t(rng()) & mask;
+            if (count > 40)
+                for (size_t i = 0; i < count; i += 40) keys[i] = uint32_t(rng()); // and a few far from the others
+            for (size_t i = 0; i < count; ++i) payloads[i] = uint32_t(7 * i + 3), index[i] = uint32_t(i);
+            std::stable_sort(index.begin(), index.end(), [&](uint32_t a, uint32_t b) { return keys[a] < keys[b]; });
+            for (size_t i = 0; i < count; ++i) expected[i] = payloads[index[count - 1 - i]];
+            sort.descending(keys, payloads, sorted);
+            CHECK(sorted == expected);
         }
 }
 
