@@ -20,6 +20,19 @@ std::vector<AppearanceModel> makeTable()
     return table;
 }
 
+Error bad(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
+
+Error unknownModel(const std::string& name)
+{
+#define NACRE_MODEL(known) \
+    if (name == #known) return bad("appearance model '" + name + "' was left out of this build of Nacre (CMake options NACRE_WITH_*)");
+    NACRE_ALL_APPEARANCE_MODELS(NACRE_MODEL)
+#undef NACRE_MODEL
+    std::string known;
+    for (const AppearanceModel& m : appearanceModels()) known += (known.empty() ? "" : ", ") + std::string(m.name);
+    return bad("unknown appearance model '" + name + "', this version knows: " + known);
+}
+
 std::string sizesText(const ChannelSpec& spec)
 {
     std::string text;
@@ -27,7 +40,6 @@ std::string sizesText(const ChannelSpec& spec)
     return text;
 }
 
-Error bad(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
 std::string atSplat(size_t i) { return " (splat " + std::to_string(i) + ")"; }
 
 bool allWithin(const std::vector<float>& values, float most)
@@ -145,11 +157,7 @@ const AppearanceModel* findAppearanceModel(const std::string& name)
 Status validate(const SplatAsset& asset)
 {
     const AppearanceModel* model = findAppearanceModel(asset.model);
-    if (!model) {
-        std::string known;
-        for (const AppearanceModel& m : appearanceModels()) known += (known.empty() ? "" : ", ") + std::string(m.name);
-        return bad("unknown appearance model '" + asset.model + "', this version knows: " + known);
-    }
+    if (!model) return unknownModel(asset.model);
     if (Status s = validateCloud(asset.cloud); !s) return s;
     if (Status s = validateChannels(asset, *model); !s) return s;
     if (Status s = validateNeutral(asset); !s) return s;

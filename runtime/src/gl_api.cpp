@@ -35,11 +35,12 @@ static std::string readVersion(Gl& gl)
 /// What draws: the one wanted, or the fastest.
 static std::string chooseBackEnd(BackEnd wanted, Gl& gl)
 {
-    const BackEnd best = gl.es ? BackEnd::kGles3 : gl.version >= 43 ? BackEnd::kGl43 : BackEnd::kGl33;
+    const BackEnd best = gl.es ? BackEnd::kGles3 : NACRE_WITH_GL43 && gl.version >= 43 ? BackEnd::kGl43 : BackEnd::kGl33;
     const std::string found = std::string(", found ") + (gl.es ? "OpenGL ES " : "OpenGL ") + std::to_string(gl.version / 10) + "." + std::to_string(gl.version % 10) +
                               "; use NACRE_BACK_END_AUTO";
     if (wanted == BackEnd::kGl33 && gl.es) return "NACRE_BACK_END_GL33 needs OpenGL 3.3" + found;
     if (wanted == BackEnd::kGles3 && !gl.es) return "NACRE_BACK_END_GLES3 needs OpenGL ES 3.0 or WebGL 2" + found;
+    if (wanted == BackEnd::kGl43 && !NACRE_WITH_GL43) return "NACRE_BACK_END_GL43 was left out of this build of Nacre (CMake option NACRE_WITH_GL43); use NACRE_BACK_END_AUTO";
     if (wanted == BackEnd::kGl43 && best != wanted) return "NACRE_BACK_END_GL43 needs OpenGL 4.3" + found;
     gl.backEnd = wanted == BackEnd::kAuto ? best : wanted;
     return {};

@@ -10,6 +10,11 @@
 
 #include <string>
 
+// 0: back end kGl43 was left out of this build
+#ifndef NACRE_WITH_GL43
+#define NACRE_WITH_GL43 1
+#endif
+
 namespace nacre {
 
 // In every context.
@@ -80,7 +85,7 @@ struct Gl {
     GLint maxArrayLayers = 0;
     GLint maxDrawBuffers = 0;         // at least 8, in ES 4
 
-    bool hasCompute() const { return backEnd == BackEnd::kGl43; }
+    bool hasCompute() const { return NACRE_WITH_GL43 && backEnd == BackEnd::kGl43; }
 };
 
 /// Empty on success, else one line that says what is missing.
