@@ -26,6 +26,8 @@ static glm::mat4 clipFromView(const Camera& c)
     return p;
 }
 
+static void copy(float out[16], const glm::mat4& m) { std::memcpy(out, glm::value_ptr(m), sizeof m); }
+
 static Result<std::vector<NacreLight>> toNacreLights(std::span<const Light> lights)
 {
     std::vector<NacreLight> out;
@@ -34,9 +36,10 @@ static Result<std::vector<NacreLight>> toNacreLights(std::span<const Light> ligh
             return Error{ErrorCode::kUnsupported, "the GL renderer takes point and directional lights; expand others first (rendererLights)"};
         const bool point = light.type == LightType::kPoint;
         NacreLight n{};
+        n.structSize = sizeof n;
         n.type = point ? NACRE_LIGHT_POINT : NACRE_LIGHT_DIRECTIONAL;
-        const glm::vec3& vector = point ? light.position : light.directionToLight;
-        std::memcpy(n.vector, glm::value_ptr(vector), sizeof n.vector);
+        std::memcpy(n.position, glm::value_ptr(light.position), sizeof n.position);
+        std::memcpy(n.direction, glm::value_ptr(light.directionToLight), sizeof n.direction);
         std::memcpy(n.intensity, glm::value_ptr(light.intensity), sizeof n.intensity);
         n.radius = light.radius;
         out.push_back(n);
@@ -57,8 +60,7 @@ public:
     ~GlRenderer() override
     {
         if (gl_) gl_->makeCurrent();
-        nacreAssetDestroy(asset_);
-        nacreContextDestroy(context_);
+        nacreContextDestroy(context_); // and what is in it
     }
 
     Status open(std::span<const std::byte> assetBytes)
@@ -72,7 +74,12 @@ public:
         desc.message = keepMessage;
         desc.messageUser = &lastMessage_;
         if (Status s = check(nacreContextCreate(&desc, &context_)); !s) return s;
-        return check(nacreAssetCreate(context_, assetBytes.data(), assetBytes.size(), &asset_));
+        if (Status s = check(nacreViewCreate(context_, nullptr, &view_)); !s) return s;
+        NacreInstanceDesc instance{}; // where the asset is its own world
+        instance.structSize = sizeof instance;
+        if (Status s = check(nacreAssetCreate(context_, assetBytes.data(), assetBytes.size(), &instance.asset)); !s) return s;
+        asset_ = instance.asset;
+        return check(nacreInstanceCreate(&instance, &instance_));
     }
 
     Result<AssetFrame> frame() const
@@ -87,17 +94,9 @@ public:
     Result<Image> render(const Camera& camera, std::span<const Light> lights) override
     {
         gl_->makeCurrent();
-        Image sum;
-        for (const std::span<const Light> some : inTurns(lights)) {
-            if (Status s = setLights(some); !s) return s.error();
-            if (Status s = draw(camera); !s) return s.error();
-            Image image = gl_->readFrame();
-            if (sum.rgba.empty()) sum = std::move(image);
-            else
-                for (size_t i = 0; i < sum.rgba.size(); ++i)
-                    if (i % 4 < 3) sum.rgba[i] += image.rgba[i]; // light adds up, coverage is what it was
-        }
-        return sum;
+        if (Status s = setLights(lights); !s) return s.error();
+        if (Status s = draw(camera); !s) return s.error();
+        return gl_->readFrame();
     }
 
     Result<RenderTimes> time(const Camera& camera, std::span<const Light> lights, int warmup, int frames) override
@@ -115,21 +114,15 @@ public:
             for (Light& light : moved) light.intensity *= nudge;
             Camera seen = camera;
             if (nudge != 1.0f) seen.worldFromCamera[3] += step * camera.worldFromCamera[2];
-            RenderTimes times; // of all turns
-            bool sorted = false;
-            for (const std::span<const Light> some : inTurns(moved)) {
-                NacreDrawStats stats{};
-                stats.structSize = sizeof stats;
-                if (status) status = setLights(some);
-                if (status) status = draw(seen);
-                if (status) status = check(nacreAssetGetDrawStats(asset_, &stats));
-                sorted = sorted || stats.sorted;
-                times.relightMs += 1e3 * stats.relightSeconds, times.sortMs += 1e3 * stats.sortSeconds, times.rasterMs += 1e3 * stats.rasterSeconds;
-            }
-            if (i >= 0 && status && !sorted) status = Error{ErrorCode::kGpu, "a timed frame was not drawn afresh; move the camera closer"};
+            NacreDrawStats stats{};
+            stats.structSize = sizeof stats;
+            status = setLights(moved);
+            if (status) status = draw(seen);
+            if (status) status = check(nacreViewGetStats(view_, &stats));
+            if (i >= 0 && status && !stats.sorted) status = Error{ErrorCode::kGpu, "a timed frame was not drawn afresh; move the camera closer"};
             if (i < warmup) continue;
-            relight.push_back(times.relightMs), sort.push_back(times.sortMs), raster.push_back(times.rasterMs);
-            frame.push_back(times.relightMs + times.sortMs + times.rasterMs);
+            relight.push_back(1e3 * stats.relightSeconds), sort.push_back(1e3 * stats.sortSeconds), raster.push_back(1e3 * stats.rasterSeconds);
+            frame.push_back(1e3 * (stats.relightSeconds + stats.sortSeconds + stats.rasterSeconds));
         }
         nacreContextSetProfiling(context_, 0);
         if (!status) return status.error();
@@ -151,23 +144,12 @@ public:
             converted.push_back(n);
         }
         gl_->makeCurrent();
-        return check(nacreAssetSetEdits(asset_, converted.data(), converted.size()));
+        return check(nacreInstanceSetEdits(instance_, converted.data(), converted.size()));
     }
 
     std::string description() const override { return gl_->description() + (gl_->isSoftware() ? ", software on the CPU" : ""); }
 
 private:
-    /// What the runtime takes at once. At least one part, which may be empty.
-    static std::vector<std::span<const Light>> inTurns(std::span<const Light> lights)
-    {
-        std::vector<std::span<const Light>> parts;
-        do {
-            parts.push_back(lights.first(std::min<size_t>(lights.size(), NACRE_MAX_LIGHTS)));
-            lights = lights.subspan(parts.back().size());
-        } while (!lights.empty());
-        return parts;
-    }
-
     static void keepMessage(NacreSeverity severity, const char* text, void* user)
     {
         if (severity == NACRE_ERROR) *static_cast<std::string*>(user) = text;
@@ -188,7 +170,7 @@ private:
     {
         const Result<std::vector<NacreLight>> converted = toNacreLights(lights);
         if (!converted) return converted.error();
-        return check(nacreAssetSetLights(asset_, converted->data(), converted->size()));
+        return check(nacreContextSetLights(context_, converted->data(), converted->size()));
     }
 
     Status draw(const Camera& camera)
@@ -196,18 +178,18 @@ private:
         if (Status s = gl_->beginFrame(camera.width, camera.height); !s) return s;
         NacreDrawDesc desc{};
         desc.structSize = sizeof desc;
-        const glm::mat4 identity(1.0f), view(glm::inverse(camera.worldFromCamera)), clip = clipFromView(camera);
-        std::memcpy(desc.worldFromAsset, glm::value_ptr(identity), sizeof identity);
-        std::memcpy(desc.viewFromWorld, glm::value_ptr(view), sizeof view);
-        std::memcpy(desc.clipFromView, glm::value_ptr(clip), sizeof clip);
+        copy(desc.viewFromWorld, glm::mat4(glm::inverse(camera.worldFromCamera)));
+        copy(desc.clipFromView, clipFromView(camera));
         desc.viewportWidth = camera.width;
         desc.viewportHeight = camera.height;
-        return check(nacreAssetDraw(asset_, &desc));
+        return check(nacreViewDraw(view_, &desc));
     }
 
     std::unique_ptr<HeadlessGl> gl_;
-    NacreContext context_ = nullptr;
-    NacreAsset asset_ = nullptr;
+    NacreContext context_{};
+    NacreAsset asset_{};
+    NacreInstance instance_{};
+    NacreView view_{};
     std::string lastMessage_;
 };
 

@@ -1,13 +1,15 @@
-// bigsTransport summed over the lights (appearance/bigs/bigs.h): one fragment per splat,
-// colour = indirect + sum_t I_t * (direct_t * max(rho + sum_i a_i y_i(w_t), 0) + falloff_t * v_t * k * lobe(w_t, w_o)).
+// bigsTransport summed over the lights (appearance/bigs/bigs.h): one fragment per splat of an instance, into its rows of the draw list,
+// colour = tint * (indirect + sum_t I_t * (direct_t * max(rho + sum_i a_i y_i(w_t), 0) + falloff_t * v_t * k * lobe(w_t, w_o))).
 uniform sampler2D uGeometry;   // slot 0: mean, opacity; slot 3: rho; slot 4: normal, sharpness; slot 5: k
-uniform sampler2D uDirect;     // slot g: direct transport of lights 4g..4g+3, visibility included
+uniform sampler2D uDirect;     // slot g: direct transport of lights 4g..4g+3 of this batch, visibility included
 uniform sampler2D uIndirect;   // slot g: indirect radiance of lights 4g..4g+3
 uniform sampler2D uContracted; // see contractedTexel
-uniform sampler2D uLights;     // row 0: see sampleLight; row 1: intensity, widening of highlights
+uniform sampler2D uLights;     // see fetchLight; row 1: intensity
 uniform sampler2D uVisible;    // slot g: v of lights 4g..4g+3
-uniform vec3 uCameraAsset;
-uniform int uLightCount;
+uniform vec4 uCamera;
+uniform vec3 uTint;
+uniform int uFirstLight, uEndLight; // of this batch
+uniform int uScattering;
 uniform float uWorldScale2;
 
 layout(location = 0) out vec4 outColor;
@@ -17,7 +19,9 @@ ivec2 contractedTexel(ivec2 splat, int i) { return ivec2(splat.x, splat.y * S_FU
 
 void main()
 {
-    ivec2 splat = passSplat();
+    int g = listSplat();
+    if (g >= uCount) discard;
+    ivec2 splat = gridTexel(g);
     vec3 rho = texelFetch(uGeometry, slotTexel(splat, 3), 0).rgb;
     vec3 color = vec3(0.0);
 #if S_FUNCTIONS > 0 || HAS_LOBE
@@ -26,38 +30,38 @@ void main()
 #if HAS_LOBE
     vec4 normalSharpness = texelFetch(uGeometry, slotTexel(splat, 4), 0);
     vec3 lobeColor = texelFetch(uGeometry, slotTexel(splat, 5), 0).rgb;
-    vec3 towards = directionToCamera(uCameraAsset, mean);
+    vec3 towards = directionToCamera(uCamera, mean);
 #endif
 #if S_FUNCTIONS > 0
     vec3 a[S_FUNCTIONS];
-    bool scatters = splatIndex(splat) < S_SPLATS; // the others have no s
+    bool scatters = g < uScattering; // the others have no s
     if (scatters)
         for (int i = 0; i < S_FUNCTIONS; ++i) a[i] = texelFetch(uContracted, contractedTexel(splat, i), 0).rgb;
 #endif
-    for (int t = 0; t < uLightCount; ++t) {
-        ivec2 group = slotTexel(splat, t >> 2);
-        if ((t & 3) == 0) color += texelFetch(uIndirect, group, 0).rgb;
-        vec4 lane = vec4(equal(ivec4(t & 3), ivec4(0, 1, 2, 3)));
+    for (int t = uFirstLight; t < uEndLight; ++t) {
+        int inBatch = t - uFirstLight, k = inBatch & 3;
+        ivec2 group = slotTexel(splat, inBatch >> 2);
+        if (k == 0) color += texelFetch(uIndirect, group, 0).rgb;
         vec3 scatter = rho;
 #if S_FUNCTIONS > 0 || HAS_LOBE
-        vec4 s = sampleLight(texelFetch(uLights, ivec2(t, 0), 0), mean, uWorldScale2);
+        LightSample s = fetchLight(uLights, t, mean, uWorldScale2);
 #endif
 #if S_FUNCTIONS > 0
         if (scatters) {
             float y[25];
-            shBasis(S_FUNCTIONS, s.xyz, y);
+            shBasis(S_FUNCTIONS, s.direction, y);
             for (int i = 0; i < S_FUNCTIONS; ++i) scatter += a[i] * y[i];
         }
 #endif
-        vec3 reflected = dot(texelFetch(uDirect, group, 0), lane) * max(scatter, 0.0);
+        vec3 reflected = texelFetch(uDirect, group, 0)[k] * max(scatter, 0.0);
 #if HAS_LOBE
-        float gloss = s.w * bigsLobe(normalSharpness, towards, s.xyz, texelFetch(uLights, ivec2(t, 1), 0).w);
-#if HAS_VISIBILITY
-        gloss *= dot(texelFetch(uVisible, group, 0), lane);
+        float gloss = s.falloff * bigsLobe(normalSharpness, towards, s.direction, s.widening);
+#if HAS_VISIBLE
+        gloss *= texelFetch(uVisible, group, 0)[k];
 #endif
         reflected += gloss * lobeColor;
 #endif
         color += texelFetch(uLights, ivec2(t, 1), 0).rgb * reflected;
     }
-    outColor = vec4(color, 0.0);
+    outColor = vec4(uTint * color, 0.0);
 }

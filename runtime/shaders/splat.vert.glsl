@@ -1,13 +1,12 @@
-// One splat whose colour is known (projection: project.glsl).
+// One splat whose colour is known.
 uniform sampler2D uColor;
 
 flat out vec4 vColor;         // rgb and compensated opacity
 
 void main()
 {
-    ivec2 splat;
-    vec4 meanOpacity;
-    float opacity;
+    ivec2 texel;
+    float opacity, distance;
     vColor = vec4(0.0);
-    if (projectSplat(splat, meanOpacity, opacity)) vColor = vec4(texelFetch(uColor, splat, 0).rgb, opacity);
+    if (placeSplat(texel, opacity, distance)) vColor = vec4(texelFetch(uColor, texel, 0).rgb, opacity);
 }

@@ -1,12 +1,12 @@
 // The C API: checks arguments, turns exceptions and failures into results and messages. The only extern "C" file.
-#include "asset.h"
-
 #include "appearance/sss/sss_edit.h"
-#include "asset/asset_decode.h"
-#include "base/limits.h"
+#include "asset.h"
 #include "base/text.h"
-#include "host_depth.h"
+#include "instance.h"
+#include "light_check.h"
+#include "view.h"
 
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -14,12 +14,81 @@
 #include <new>
 
 using nacre::Failure;
+using nacre::Handle;
+using nacre::HandleKind;
+using nacre::invalid;
 
 namespace {
 
+/// The contexts of this process.
+class Contexts {
+public:
+    std::shared_ptr<nacre::Context> find(const Handle& h)
+    {
+        const std::lock_guard lock(mutex_);
+        const std::shared_ptr<nacre::Context>& c = slots_[h.context];
+        return c && (h.kind != HandleKind::kContext || c->handle.serial == h.serial) ? c : nullptr;
+    }
+    /// 0 if there are too many.
+    uint64_t add(std::shared_ptr<nacre::Context> context)
+    {
+        const std::lock_guard lock(mutex_);
+        for (uint32_t slot = 0; slot < slots_.size(); ++slot) {
+            if (slots_[slot]) continue;
+            context->handle = {nacre::nextSerial(), 0, slot, HandleKind::kContext};
+            slots_[slot] = std::move(context);
+            return slots_[slot]->handle.id();
+        }
+        return 0;
+    }
+    std::shared_ptr<nacre::Context> remove(const Handle& h)
+    {
+        const std::lock_guard lock(mutex_);
+        std::shared_ptr<nacre::Context>& slot = slots_[h.context];
+        if (h.kind != HandleKind::kContext || !slot || slot->handle.serial != h.serial) return nullptr;
+        return std::exchange(slot, nullptr);
+    }
+
+private:
+    std::mutex mutex_;
+    std::array<std::shared_ptr<nacre::Context>, Handle::kMostContexts> slots_;
+};
+
+Contexts& contexts()
+{
+    static Contexts all;
+    return all;
+}
+
+/// An object and the context that it lives in.
+template <class T>
+struct Found {
+    std::shared_ptr<nacre::Context> context;
+    std::shared_ptr<T> object;
+    explicit operator bool() const { return object != nullptr; }
+    T* operator->() const { return object.get(); }
+};
+
+template <class T, class Table>
+Found<T> find(uint64_t id, Table table)
+{
+    const Handle h = Handle::of(id);
+    Found<T> found{h.kind == HandleKind::kContext ? nullptr : contexts().find(h), nullptr};
+    if (found.context) found.object = ((*found.context).*table).find(h);
+    return found;
+}
+Found<nacre::Asset> find(NacreAsset a) { return find<nacre::Asset>(a.id, &nacre::Context::assets); }
+Found<nacre::Instance> find(NacreInstance i) { return find<nacre::Instance>(i.id, &nacre::Context::instances); }
+Found<nacre::View> find(NacreView v) { return find<nacre::View>(v.id, &nacre::Context::views); }
+std::shared_ptr<nacre::Context> find(NacreContext c)
+{
+    const Handle h = Handle::of(c.id);
+    return h.kind == HandleKind::kContext ? contexts().find(h) : nullptr;
+}
+
 /// Runs `work`; nothing thrown gets past the C border.
 template <class Work>
-NacreResult guarded(const NacreContextImpl& context, Work work)
+NacreResult guarded(const nacre::Context& context, Work work)
 {
     try {
         if (const Failure f = work()) return context.fail(f);
@@ -33,13 +102,37 @@ NacreResult guarded(const NacreContextImpl& context, Work work)
     }
 }
 
-Failure invalid(const std::string& text) { return {NACRE_ERROR_INVALID_ARGUMENT, text}; }
+/// Work on a found object; what is not found has no context to tell.
+template <class T, class Work>
+NacreResult on(const Found<T>& found, Work work)
+{
+    return found ? guarded(*found.context, work) : NACRE_ERROR_INVALID_ARGUMENT;
+}
 
 Failure checkSize(const char* type, size_t found, size_t expected)
 {
-    if (found == expected) return {};
+    if (found >= sizeof(size_t) && found <= expected) return {};
     return invalid(std::string(type) + ".structSize is " + std::to_string(found) + ", expected " + std::to_string(expected) +
-                   "; set it to sizeof(" + type + ")");
+                   (found > expected ? "; the library is older than the header" : "; set it to sizeof(" + std::string(type) + ")"));
+}
+
+/// A host's struct, perhaps an older one, whose missing fields are zero.
+template <class Desc>
+Failure read(const char* type, const Desc* given, Desc* copy)
+{
+    if (Failure f = checkSize(type, given->structSize, sizeof(Desc))) return f;
+    *copy = {};
+    std::memcpy(copy, given, given->structSize);
+    return {};
+}
+
+/// As much as the host's struct has room for; its structSize stays.
+template <class Info>
+void write(const Info& from, Info* out)
+{
+    const size_t size = out->structSize;
+    std::memcpy(out, &from, size);
+    out->structSize = size;
 }
 
 /// A C host can store any int in an enum, and C++ must not read such a value as one.
@@ -50,30 +143,6 @@ int rawEnum(const Enum& value)
     static_assert(sizeof raw == sizeof value);
     std::memcpy(&raw, &value, sizeof raw);
     return raw;
-}
-
-Failure checkLight(const NacreLight& light, size_t index)
-{
-    const std::string which = "light " + std::to_string(index) + ": ";
-    const int type = rawEnum(light.type);
-    if (type != NACRE_LIGHT_POINT && type != NACRE_LIGHT_DIRECTIONAL)
-        return invalid(which + "unknown type " + std::to_string(type));
-    constexpr float kWidestLight = 1.6f; // radians
-    constexpr float kBrightest = 1e15f; // times falloff 1e6, the largest coefficients and 256 lights still finite: no inf * 0
-    double length2 = 0;
-    for (int c = 0; c < 3; ++c) {
-        if (!(std::abs(light.vector[c]) <= nacre::kLargestNumber)) return invalid(which + "vector is not finite or beyond 1e15");
-        if (!(light.intensity[c] >= 0 && light.intensity[c] <= kBrightest))
-            return invalid(which + "intensity must be from 0 to 1e15, found " + nacre::numberText(light.intensity[c]));
-        length2 += double(light.vector[c]) * light.vector[c];
-    }
-    if (light.type == NACRE_LIGHT_DIRECTIONAL && !(std::abs(length2 - 1.0) < 1e-2))
-        return invalid(which + "vector of a directional light must have length 1, found " + nacre::numberText(std::sqrt(length2)));
-    if (light.type == NACRE_LIGHT_POINT && !(light.radius >= 0 && light.radius <= nacre::kLargestNumber))
-        return invalid(which + "radius must be finite and not negative");
-    if (light.type == NACRE_LIGHT_DIRECTIONAL && !(light.radius >= 0 && light.radius <= kWidestLight))
-        return invalid(which + "radius of a directional light is an angle from 0 to 1.6 radians, found " + nacre::numberText(light.radius));
-    return {};
 }
 
 Failure checkEdit(const NacreEdit& edit, size_t index)
@@ -106,7 +175,7 @@ nacre::SplatEdit toSplatEdit(const NacreEdit& edit)
 static_assert(int(nacre::EditTarget::kOpacity) == NACRE_EDIT_OPACITY && int(nacre::EditRegion::kSphere) == NACRE_REGION_SPHERE);
 
 /// Objects whose GL context is not current cannot be deleted.
-std::unique_ptr<nacre::ForgottenObjects> forgetUnlessCurrent(NacreContextImpl& context, const char* function)
+std::unique_ptr<nacre::ForgottenObjects> forgetUnlessCurrent(nacre::Context& context, const char* function)
 {
     const Failure elsewhere = nacre::checkGlContext(context);
     if (!elsewhere) return nullptr;
@@ -114,13 +183,66 @@ std::unique_ptr<nacre::ForgottenObjects> forgetUnlessCurrent(NacreContextImpl& c
     return std::make_unique<nacre::ForgottenObjects>(context);
 }
 
-NacreResult decodeResult(nacre::ErrorCode code)
+Failure checkBackEnd(const NacreContextDesc& desc)
 {
-    switch (code) {
-    case nacre::ErrorCode::kUnsupported: return NACRE_ERROR_UNSUPPORTED;
-    case nacre::ErrorCode::kIo: return NACRE_ERROR_OUT_OF_MEMORY; // decoding reads no files: memory is all of the world it needs
-    default: return NACRE_ERROR_BAD_ASSET;
+    const int wanted = rawEnum(desc.backEnd);
+    if (wanted >= NACRE_BACK_END_AUTO && wanted <= NACRE_BACK_END_GL43) return {};
+    return invalid("NacreContextDesc.backEnd is " + std::to_string(wanted) + ", which is none of NacreBackEnd");
+}
+
+Failure checkFlags(const NacreContextDesc& desc)
+{
+    if ((desc.flags & ~uint32_t(NACRE_HOST_RESTORES_STATE)) == 0) return {};
+    return invalid("NacreContextDesc.flags is " + std::to_string(desc.flags) + ", which has bits that are none of NacreContextFlags");
+}
+
+/// The instances of a draw: those it names, or all.
+Failure listInstances(const nacre::Context& context, const NacreDrawDesc& desc, std::vector<std::shared_ptr<nacre::Instance>>* out)
+{
+    if (!desc.instances) {
+        if (desc.instanceCount > 0) return invalid("NacreDrawDesc.instances is null, instanceCount " + std::to_string(desc.instanceCount));
+        *out = context.instances.all();
+        return {};
     }
+    for (size_t i = 0; i < desc.instanceCount; ++i) {
+        const Handle h = Handle::of(desc.instances[i].id);
+        std::shared_ptr<nacre::Instance> instance = h.context == context.handle.context ? context.instances.find(h) : nullptr;
+        if (!instance) return invalid("instance " + std::to_string(i) + " of the draw does not exist in this context");
+        out->push_back(std::move(instance));
+    }
+    return {};
+}
+
+template <class Work>
+NacreResult withDraw(NacreView view, const char* function, const NacreDrawDesc* desc, Work work)
+{
+    const auto v = find(view);
+    return on(v, [&]() -> Failure {
+        if (!desc) return invalid(std::string(function) + ": desc must not be null");
+        NacreDrawDesc d;
+        if (Failure f = read("NacreDrawDesc", desc, &d)) return f;
+        std::vector<std::shared_ptr<nacre::Instance>> instances;
+        if (Failure f = listInstances(*v.context, d, &instances)) return f;
+        return work(*v.object, d, instances);
+    });
+}
+
+NacreResult addAsset(NacreContext context, const char* function, const void* bytes, size_t byteCount, NacreAsset* asset, bool upload)
+{
+    if (asset) asset->id = 0;
+    const auto c = find(context);
+    if (!c) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*c, [&]() -> Failure {
+        if (!bytes || !asset) return invalid(std::string(function) + ": bytes and asset must not be null");
+        if (upload)
+            if (Failure f = nacre::checkGlContext(*c)) return f;
+        std::shared_ptr<nacre::Asset> made;
+        if (Failure f = nacre::decode(*c, {static_cast<const std::byte*>(bytes), byteCount}, &made)) return f;
+        if (upload)
+            if (Failure f = nacre::uploadStep(*made, ~uint64_t(0))) return f;
+        asset->id = c->assets.add(c->handle.context, std::move(made));
+        return asset->id ? Failure{} : Failure{NACRE_ERROR_OUT_OF_MEMORY, "too many assets, the most is 2^20"};
+    });
 }
 
 } // namespace
@@ -131,156 +253,276 @@ uint32_t nacreVersion(void) { return NACRE_VERSION_MAJOR * 10000 + NACRE_VERSION
 
 NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreContext* context)
 {
-    if (context) *context = nullptr;
+    if (context) context->id = 0;
     if (!desc || !context) return NACRE_ERROR_INVALID_ARGUMENT;
-    if (desc->structSize != sizeof(NacreContextDesc)) return NACRE_ERROR_INVALID_ARGUMENT; // the callback's place is not trusted
-    std::unique_ptr<NacreContextImpl> made(new (std::nothrow) NacreContextImpl);
-    if (!made) return NACRE_ERROR_OUT_OF_MEMORY;
-    made->message = desc->message;
-    made->messageUser = desc->messageUser;
-    const NacreResult result = guarded(*made, [&]() -> Failure {
-        if (!desc->getProcAddress) return invalid("NacreContextDesc.getProcAddress is null, it is required");
-        std::string missing = nacre::loadGl(desc->getProcAddress, desc->getProcAddressUser, nacre::BackEnd::kAuto, &made->gl);
+    NacreContextDesc d;
+    if (read("NacreContextDesc", desc, &d)) return NACRE_ERROR_INVALID_ARGUMENT; // the callback's place is not trusted
+    std::shared_ptr<nacre::Context> made;
+    try {
+        made = std::make_shared<nacre::Context>();
+    } catch (const std::bad_alloc&) {
+        return NACRE_ERROR_OUT_OF_MEMORY;
+    }
+    made->message = d.message;
+    made->messageUser = d.messageUser;
+    made->hostState = d.flags & NACRE_HOST_RESTORES_STATE ? nacre::HostState::kLeftToHost : nacre::HostState::kPutBack;
+    return guarded(*made, [&]() -> Failure {
+        if (!d.getProcAddress) return invalid("NacreContextDesc.getProcAddress is null, it is required");
+        if (Failure f = checkBackEnd(d)) return f;
+        if (Failure f = checkFlags(d)) return f;
+        std::string missing = nacre::loadGl(d.getProcAddress, d.getProcAddressUser, nacre::BackEnd(d.backEnd), &made->gl);
         if (!missing.empty()) return {NACRE_ERROR_UNSUPPORTED, std::move(missing)};
         nacre::markGlContext(*made);
-        return {};
+        context->id = contexts().add(made);
+        return context->id ? Failure{} : Failure{NACRE_ERROR_OUT_OF_MEMORY, "too many contexts, the most is 256"};
     });
-    if (result == NACRE_OK) *context = made.release();
-    return result;
 }
 
 void nacreContextDestroy(NacreContext context)
 {
-    if (!context) return;
-    if (const auto forgotten = forgetUnlessCurrent(*context, "nacreContextDestroy"); !forgotten) {
-        nacre::freeDepthCopy(*context);
-        context->gl.DeleteVertexArrays(1, &context->vertexArray);
-        context->gl.DeleteBuffers(1, &context->indexBuffer);
-    }
-    delete context;
+    const auto c = contexts().remove(Handle::of(context.id));
+    if (!c) return;
+    const auto forgotten = forgetUnlessCurrent(*c, "nacreContextDestroy");
+    c->destroyObjects();
 }
 
 void nacreContextSetProfiling(NacreContext context, int enabled)
 {
-    if (context) context->profiling = enabled != 0;
+    if (const auto c = find(context)) c->profiling = enabled != 0;
+}
+
+NacreResult nacreContextGetInfo(NacreContext context, NacreContextInfo* info)
+{
+    const auto c = find(context);
+    if (!c) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*c, [&]() -> Failure {
+        if (!info) return invalid("nacreContextGetInfo: info must not be null");
+        if (Failure f = checkSize("NacreContextInfo", info->structSize, sizeof *info)) return f;
+        NacreContextInfo all{};
+        all.backEnd = NacreBackEnd(c->gl.backEnd);
+        all.assets = uint32_t(c->assets.all().size()), all.instances = uint32_t(c->instances.all().size()), all.views = uint32_t(c->views.all().size());
+        all.gpuBytes = c->gpuBytes;
+        all.programs = uint32_t(c->programs.size());
+        write(all, info);
+        return {};
+    });
 }
 
 NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset)
 {
-    if (asset) *asset = nullptr;
-    if (!context) return NACRE_ERROR_INVALID_ARGUMENT;
-    return guarded(*context, [&]() -> Failure {
-        if (!bytes || !asset) return invalid("nacreAssetCreate: bytes and asset must not be null");
-        if (Failure f = nacre::checkGlContext(*context)) return f;
-        const nacre::Result<nacre::SplatAsset> decoded = nacre::decodeAsset({static_cast<const std::byte*>(bytes), byteCount});
-        if (!decoded)
-            return {decodeResult(decoded.error().code), decoded.error().message};
-        const auto destroy = [](NacreAssetImpl* a) { nacreAssetDestroy(a); };
-        std::unique_ptr<NacreAssetImpl, decltype(destroy)> made(new NacreAssetImpl, destroy);
-        if (Failure f = nacre::uploadAsset(*context, *decoded, *made)) return f;
-        *asset = made.release();
+    return addAsset(context, "nacreAssetCreate", bytes, byteCount, asset, true);
+}
+
+NacreResult nacreAssetDecode(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset)
+{
+    return addAsset(context, "nacreAssetDecode", bytes, byteCount, asset, false);
+}
+
+NacreResult nacreAssetUploadStep(NacreAsset asset, uint64_t budgetBytes, uint64_t* bytesLeft)
+{
+    const auto a = find(asset);
+    return on(a, [&]() -> Failure {
+        if (Failure f = nacre::checkGlContext(*a.context)) return f;
+        if (Failure f = nacre::uploadStep(*a.object, budgetBytes)) return f;
+        if (bytesLeft) *bytesLeft = a->complete() ? 0 : std::max<uint64_t>(a->queue.left(), 1);
         return {};
     });
 }
 
 void nacreAssetDestroy(NacreAsset asset)
 {
-    if (!asset) return;
-    {
-        std::unique_ptr<nacre::ForgottenObjects> forgotten;
-        if (asset->context) forgotten = forgetUnlessCurrent(*asset->context, "nacreAssetDestroy");
-        nacre::destroyAsset(*asset);
-    }
-    delete asset;
+    auto a = find(asset);
+    if (!a) return;
+    const auto forgotten = forgetUnlessCurrent(*a.context, "nacreAssetDestroy");
+    a.context->assets.remove(a->handle);
+    a.object.reset();
 }
 
 NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info)
 {
-    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
-    return guarded(*asset->context, [&]() -> Failure {
+    const auto a = find(asset);
+    return on(a, [&]() -> Failure {
         if (!info) return invalid("nacreAssetGetInfo: info must not be null");
         if (Failure f = checkSize("NacreAssetInfo", info->structSize, sizeof *info)) return f;
-        info->splatCount = asset->count;
-        info->gpuBytes = asset->gpuBytes;
-        for (int c = 0; c < 3; ++c) {
-            info->boundsMin[c] = asset->boundsMin[c];
-            info->boundsMax[c] = asset->boundsMax[c];
-        }
-        const glm::quat& q = asset->yUpFromAsset;
+        NacreAssetInfo all{};
+        all.splatCount = a->grid.count;
+        all.gpuBytes = a->gpuBytes;
+        for (int c = 0; c < 3; ++c) all.boundsMin[c] = a->boundsMin[c], all.boundsMax[c] = a->boundsMax[c];
+        const glm::quat& q = a->yUpFromAsset;
         const float xyzw[4] = {q.x, q.y, q.z, q.w};
-        std::memcpy(info->yUpFromAsset, xyzw, sizeof xyzw);
-        info->datasetScale = asset->frame.scale;
-        for (int c = 0; c < 3; ++c) info->datasetTranslation[c] = asset->frame.translation[c];
-        info->datasetLightGain = asset->frame.lightGain;
-        std::snprintf(info->model, sizeof info->model, "%s", asset->modelName.c_str());
+        std::memcpy(all.yUpFromAsset, xyzw, sizeof xyzw);
+        all.datasetScale = a->frame.scale;
+        for (int c = 0; c < 3; ++c) all.datasetTranslation[c] = a->frame.translation[c];
+        all.datasetLightGain = a->frame.lightGain;
+        std::snprintf(all.model, sizeof all.model, "%s", a->modelName.c_str());
+        write(all, info);
         return {};
     });
 }
 
-NacreResult nacreAssetSetLights(NacreAsset asset, const NacreLight* lights, size_t count)
+NacreResult nacreInstanceCreate(const NacreInstanceDesc* desc, NacreInstance* instance)
 {
-    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
-    return guarded(*asset->context, [&]() -> Failure {
-        if (count > 0 && !lights) return invalid("nacreAssetSetLights: lights must not be null");
-        if (count > NACRE_MAX_LIGHTS)
-            return invalid(std::to_string(count) + " lights, the most is " + std::to_string(NACRE_MAX_LIGHTS) +
-                           "; keep those that matter at the asset");
-        if (count > size_t(asset->mostLights))
-            return {NACRE_ERROR_UNSUPPORTED, std::to_string(count) + " lights, for " + std::to_string(asset->count) + " splats this GPU's textures have room for " +
-                                                 std::to_string(asset->mostLights) + "; keep those that matter at the asset"};
-        for (size_t i = 0; i < count; ++i)
-            if (Failure f = checkLight(lights[i], i)) return f;
-        asset->hostLights.assign(lights, lights + count);
+    if (instance) instance->id = 0;
+    if (!desc || !instance || desc->structSize < offsetof(NacreInstanceDesc, worldFromAsset)) return NACRE_ERROR_INVALID_ARGUMENT; // no asset to tell
+    const auto a = find(desc->asset);
+    return on(a, [&]() -> Failure {
+        NacreInstanceDesc d;
+        if (Failure f = read("NacreInstanceDesc", desc, &d)) return f;
+        nacre::Placement place;
+        if (Failure f = nacre::makePlacement(d.worldFromAsset, &place)) return f;
+        auto made = std::make_shared<nacre::Instance>(*a.context, a.object);
+        made->moveTo(place);
+        made->lightMask = d.lightMask ? d.lightMask : ~0u;
+        made->viewMask = d.viewMask ? d.viewMask : ~0u;
+        made->hidden = d.hidden != 0;
+        instance->id = a.context->instances.add(a.context->handle.context, std::move(made));
+        return instance->id ? Failure{} : Failure{NACRE_ERROR_OUT_OF_MEMORY, "too many instances, the most is 2^20"};
+    });
+}
+
+void nacreInstanceDestroy(NacreInstance instance)
+{
+    auto i = find(instance);
+    if (!i) return;
+    const auto forgotten = forgetUnlessCurrent(*i.context, "nacreInstanceDestroy");
+    i.context->instances.remove(i->handle);
+    for (const auto& view : i.context->views.all()) view->forget(i->handle.serial);
+    i.object.reset();
+}
+
+NacreResult nacreInstanceSetTransform(NacreInstance instance, const float worldFromAsset[16])
+{
+    const auto i = find(instance);
+    return on(i, [&]() -> Failure {
+        if (!worldFromAsset) return invalid("nacreInstanceSetTransform: worldFromAsset must not be null");
+        nacre::Placement place;
+        if (Failure f = nacre::makePlacement(worldFromAsset, &place)) return f;
+        i->moveTo(place);
         return {};
     });
 }
 
-NacreResult nacreAssetSetEdits(NacreAsset asset, const NacreEdit* edits, size_t count)
+NacreResult nacreInstanceSetHidden(NacreInstance instance, int hidden)
 {
-    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
-    return guarded(*asset->context, [&]() -> Failure {
-        if (count > 0 && !edits) return invalid("nacreAssetSetEdits: edits must not be null");
+    const auto i = find(instance);
+    return on(i, [&]() -> Failure { return i->hidden = hidden != 0, Failure{}; });
+}
+
+NacreResult nacreInstanceSetMasks(NacreInstance instance, uint32_t lightMask, uint32_t viewMask)
+{
+    const auto i = find(instance);
+    return on(i, [&]() -> Failure {
+        i->lightMask = lightMask ? lightMask : ~0u;
+        i->viewMask = viewMask ? viewMask : ~0u;
+        return {};
+    });
+}
+
+NacreResult nacreInstanceSetTint(NacreInstance instance, const float tint[3])
+{
+    const auto i = find(instance);
+    return on(i, [&]() -> Failure {
+        if (!tint) return invalid("nacreInstanceSetTint: tint must not be null");
+        for (int c = 0; c < 3; ++c)
+            if (!(tint[c] >= 0 && tint[c] <= 1e4f)) return invalid("tint must be from 0 to 10000, found " + nacre::numberText(tint[c]));
+        const glm::vec3 t(tint[0], tint[1], tint[2]);
+        if (t != i->tint) i->tint = t, ++i->looksRevision;
+        return {};
+    });
+}
+
+NacreResult nacreInstanceSetEdits(NacreInstance instance, const NacreEdit* edits, size_t count)
+{
+    const auto i = find(instance);
+    return on(i, [&]() -> Failure {
+        if (count > 0 && !edits) return invalid("nacreInstanceSetEdits: edits must not be null");
         if (count > NACRE_MAX_EDITS)
             return invalid(std::to_string(count) + " edits, the most is " + std::to_string(NACRE_MAX_EDITS) + "; join those of the same target");
         std::vector<nacre::SplatEdit> checked;
-        for (size_t i = 0; i < count; ++i) {
-            if (Failure f = checkEdit(edits[i], i)) return f;
-            checked.push_back(toSplatEdit(edits[i]));
+        for (size_t k = 0; k < count; ++k) {
+            if (Failure f = checkEdit(edits[k], k)) return f;
+            checked.push_back(toSplatEdit(edits[k]));
         }
-        return asset->model->setEdits(checked);
+        if (!i->asset->complete()) return invalid("nacreInstanceSetEdits: the asset is not complete; nacreAssetUploadStep it to the end first");
+        if (!i->model) i->model = i->asset->model->makeInstance(*i.object);
+        return i->model->setEdits(checked);
     });
 }
 
-NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc)
+NacreResult nacreContextSetLights(NacreContext context, const NacreLight* lights, size_t count)
 {
-    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
-    return guarded(*asset->context, [&]() -> Failure {
-        if (!desc) return invalid("nacreAssetDraw: desc must not be null");
-        if (Failure f = checkSize("NacreDrawDesc", desc->structSize, sizeof *desc)) return f;
-        return nacre::draw(*asset, *desc);
+    const auto c = find(context);
+    if (!c) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*c, [&]() -> Failure {
+        if (count > 0 && !lights) return invalid("nacreContextSetLights: lights must not be null");
+        std::vector<NacreLight> copies;
+        if (Failure f = nacre::readLights(lights, count, &copies)) return f;
+        c->lights.setLights(copies);
+        return {};
     });
 }
 
-NacreResult nacreAssetPrepare(NacreAsset asset, const NacreDrawDesc* desc, size_t mostLights)
+NacreResult nacreContextSetEnvironment(NacreContext context, const NacreEnvironment* environment)
 {
-    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
-    return guarded(*asset->context, [&]() -> Failure {
-        if (mostLights > NACRE_MAX_LIGHTS)
-            return invalid("nacreAssetPrepare: mostLights is " + std::to_string(mostLights) + ", the most is " + std::to_string(NACRE_MAX_LIGHTS));
+    const auto c = find(context);
+    if (!c) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*c, [&]() -> Failure {
+        if (!environment) return c->lights.setEnvironment(nullptr), Failure{};
+        NacreEnvironment copy;
+        if (Failure f = nacre::readEnvironment(*environment, &copy)) return f;
+        c->lights.setEnvironment(&copy);
+        return {};
+    });
+}
+
+NacreResult nacreViewCreate(NacreContext context, const NacreViewDesc* desc, NacreView* view)
+{
+    if (view) view->id = 0;
+    const auto c = find(context);
+    if (!c) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*c, [&]() -> Failure {
+        if (!view) return invalid("nacreViewCreate: view must not be null");
+        NacreViewDesc d{};
         if (desc)
-            if (Failure f = checkSize("NacreDrawDesc", desc->structSize, sizeof *desc)) return f;
-        return nacre::prepare(*asset, desc, int(mostLights));
+            if (Failure f = read("NacreViewDesc", desc, &d)) return f;
+        auto made = std::make_shared<nacre::View>(*c);
+        if (d.mask) made->mask = d.mask;
+        view->id = c->views.add(c->handle.context, std::move(made));
+        return view->id ? Failure{} : Failure{NACRE_ERROR_OUT_OF_MEMORY, "too many views, the most is 2^20"};
     });
 }
 
-NacreResult nacreAssetGetDrawStats(NacreAsset asset, NacreDrawStats* stats)
+void nacreViewDestroy(NacreView view)
 {
-    if (!asset) return NACRE_ERROR_INVALID_ARGUMENT;
-    return guarded(*asset->context, [&]() -> Failure {
-        if (!stats) return invalid("nacreAssetGetDrawStats: stats must not be null");
+    auto v = find(view);
+    if (!v) return;
+    const auto forgotten = forgetUnlessCurrent(*v.context, "nacreViewDestroy");
+    v.context->views.remove(v->handle);
+    v.object.reset();
+}
+
+NacreResult nacreViewDraw(NacreView view, const NacreDrawDesc* desc)
+{
+    return withDraw(view, "nacreViewDraw", desc, [](nacre::View& v, const NacreDrawDesc& d, const auto& instances) { return v.draw(d, instances); });
+}
+
+NacreResult nacreViewPrepare(NacreView view, const NacreDrawDesc* desc, size_t mostLights)
+{
+    const auto v = find(view);
+    if (!v) return NACRE_ERROR_INVALID_ARGUMENT;
+    const int lights = int(std::min<size_t>(mostLights, 1 << 16));
+    if (desc)
+        return withDraw(view, "nacreViewPrepare", desc, [&](nacre::View& w, const NacreDrawDesc& d, const auto& instances) { return w.prepare(&d, instances, lights); });
+    return guarded(*v.context, [&]() -> Failure { return v->prepare(nullptr, v.context->instances.all(), lights); });
+}
+
+NacreResult nacreViewGetStats(NacreView view, NacreDrawStats* stats)
+{
+    const auto v = find(view);
+    return on(v, [&]() -> Failure {
+        if (!stats) return invalid("nacreViewGetStats: stats must not be null");
         if (Failure f = checkSize("NacreDrawStats", stats->structSize, sizeof *stats)) return f;
-        *stats = asset->stats;
-        stats->structSize = sizeof *stats;
+        write(v->stats(), stats);
         return {};
     });
 }

@@ -1,285 +1,429 @@
 // bigs on the GPU. Radiance of every splat towards the camera, in three passes over small float textures (bigs.h has the equation):
-//   light    direct_t = falloff v_t max(T_dir, 0), v_t and sum_t I falloff max(T_ind, 0)                   depends on lights
-//   view     a_i = sum_j c_ij y_j(w_o)                                                                     depends on the camera position
-//   combine  indirect + sum_t I_t (direct_t max(rho + sum_i a_i y_i(w_t), 0) + falloff v_t k lobe_t(w_o))  depends on both
+//   light    direct_t = falloff v_t max(T_dir, 0), v_t and sum_t I falloff max(T_ind, 0)                   of an instance, depends on lights
+//   view     a_i = sum_j c_ij y_j(w_o)                                                                     of a view, depends on its place
+//   combine  indirect + sum_t I_t (direct_t max(rho + sum_i a_i y_i(w_t), 0) + falloff v_t k lobe_t(w_o))  of a view, depends on both
 // All of it in asset space. Without s there is no view pass; without s and lobe nothing depends on the camera. Each pass runs only when
-// its inputs differ in any bit from those of its last run.
+// its inputs differ in any bit from those of its last run, the light pass for those groups of four lights whose inputs do.
 //
 // Textures beyond those of every model:
-//   geometry    slots: rho+shadow; with a lobe also normal+sharpness, k
-//   transport   RGBA16F  25 slots: T_ind rgb, T_dir
-//   scatter     RGBA16F  array, texel g * pairs + pair(i, j): c_ij rgb (all of a splat together: the view pass reads it 25 times)
-//   visibility  R8       array, texel (g * n + j) * n + i of the octahedral maps of n x n
-//   direct, indirect     RGBA32F  light pass: one slot per four lights
-//   visible     RGBA16F  light pass: v of four lights per slot, for the lobe (v comes from bytes: half floats lose nothing of it)
-//   contracted  RGBA32F  view pass: every grid row of splats with s becomes one row per function of s
-//   color       RGBA32F  combine pass: radiance towards the camera
-// scatter and contracted exist only with s, visibility only with that channel, visible only with lobe and visibility.
+//   asset      geometry    slots: rho+shadow; with a lobe also normal+sharpness, k
+//              transport   RGBA16F  25 slots: T_ind rgb, T_dir
+//              scatter     RGBA16F  array, texel g * pairs + pair(i, j): c_ij rgb (all of a splat together: the view pass reads it 25 times)
+//              visibility  R8       array, texel (g * n + j) * n + i of the octahedral maps of n x n
+//   instance   direct, indirect     RGBA32F  light pass: one slot per four lights
+//              visible     RGBA16F  light pass: v of four lights per slot, for the lobe (v comes from bytes: half floats lose nothing of it)
+//   view       contracted  RGBA32F  view pass: every grid row of splats with s becomes one row per function of s
+// scatter and contracted exist only with s, visibility only with that channel, visible only with a lobe and something that hides lights.
 // Coefficients of SH are stored as half floats (relative error at most 2^-11), the lobe as float (half a normal would shift a sharp
 // highlight by a percent of its width), visibility as the bytes of the file.
 #include "appearance/bigs/bigs.h"
 #include "base/half.h"
+#include "draw_list.h"
 #include "gl_state.h"
-#include "program.h"
+#include "instance.h"
 #include "shader_sources.h"
-#include "textures.h"
+
+#include <array>
 
 namespace nacre {
 
 namespace {
 
-enum BigsPass { kLightPass, kViewPass, kCombinePass };
 enum BigsSlot { kRhoShadow = kCommonSlots, kNormalSharpness, kLobeColor, kBigsSlots };
 
-class GpuBigs final : public GpuModel {
+class BigsAsset final : public AssetModel {
 public:
-    using GpuModel::GpuModel;
-    ~GpuBigs() override;
+    explicit BigsAsset(Asset& asset) : asset_(asset) {}
     Failure checkLayout(const SplatAsset& source) override;
-    int mostSlots() const override { return kBigsTransportFunctions; } // as many as s has functions at most
-    int geometrySlots() const override { return (hasLobe_ ? int(kBigsSlots) : int(kNormalSharpness)) - int(kCommonSlots); }
-    Failure upload(const SplatAsset& source) override;
-    Failure compilePrograms() override;
-    Failure compileAhead(int) override { return {}; } // one set for any lights
-    Failure setEdits(std::span<const SplatEdit> edits) override;
-    Failure relight(const DrawFrame& frame, bool lightsChanged) override;
-    Failure raster(const DrawFrame& frame, bool depthTest, GlStateGuard& state) override;
+    int mostSlots() const override { return kBigsTransportFunctions; }
+    int geometrySlots() const override { return (hasLobe ? int(kBigsSlots) : int(kNormalSharpness)) - int(kCommonSlots); }
+    Failure upload(const SplatAsset& source, UploadQueue& queue) override;
+    bool shadesPixels() const override { return false; }
+    std::unique_ptr<InstanceModel> makeInstance(Instance& instance) override;
+    Failure compileAhead(int mostLights) override;
+
+    bool hidesLights(bool occluded) const { return hasLobe && (hasVisibility || occluded); }
+    int contractedRows() const { return sFunctions * int((scattering + size_t(asset_.grid.width) - 1) / size_t(asset_.grid.width)); }
+    Failure lightProgram(bool occluded, const Program** program) const;
+    Failure viewProgram(const Program** program) const;
+    Failure combineProgram(bool occluded, const Program** program) const;
+
+    int sFunctions = 0;
+    size_t scattering = 0;     // so many splats, the first, have s
+    bool hasLobe = false, hasVisibility = false;
+    float brightest = 0;
+    Texture transport, scatter, visibility;
 
 private:
-    const Gl& gl() const { return asset_.context->gl; }
-    void uploadGeometry(const Channel& rho, const Channel* shadow, const Channel* lobe) const;
-    void uploadTransport(const Channel& tDir, const Channel& tInd);
-    void uploadScatter(const Channel& s);
-    int contractedRows() const { return sFunctions_ * int((scattering_ + size_t(asset_.width) - 1) / size_t(asset_.width)); }
-    Failure createTargets();
-    void freeLightTargets();
-    Failure growLightTargets(int groups);
-    void runLightPass() const;
-    void runViewPass(const glm::vec3& camera) const;
-    void runCombinePass(const glm::vec3& camera) const;
+    void queueGeometry(const SplatAsset& source, UploadQueue& queue);
+    std::string defines(bool occluded) const;
 
-    int sFunctions_ = 0;
-    size_t scattering_ = 0;     // so many splats, the first, have s
-    bool hasLobe_ = false, hasVisibility_ = false;
-    GLuint transport_ = 0, scatter_ = 0, visibility_ = 0, contracted_ = 0, direct_ = 0, indirect_ = 0, visible_ = 0, color_ = 0;
-    GLuint lightFramebuffer_ = 0, viewFramebuffer_ = 0, combineFramebuffer_ = 0;
-    Program lightPass_, viewPass_, combinePass_, splatProgram_;
-    glm::vec3 seenFrom_{0};     // camera of the last view and combine pass
-    int groupCapacity_ = 0;     // slots of direct, indirect and visible
-    bool seen_ = false;
+    Asset& asset_;
 };
 
-GpuBigs::~GpuBigs()
+/// Results of the light pass for kBatchLights lights.
+struct LightBatch {
+    Texture direct, indirect, visible;
+    Framebuffer framebuffer;
+};
+
+class BigsInstance final : public InstanceModel {
+public:
+    BigsInstance(Instance& instance, const BigsAsset& model) : instance_(instance), model_(model) {}
+    Failure setEdits(std::span<const SplatEdit> edits) override;
+    const Texture& geometry() const override { return instance_.asset->geometry; }
+    Failure relight(RelightBudget& budget, bool* done) override;
+    float brightest() const override { return model_.brightest; }
+    std::unique_ptr<ViewModel> makeView() override;
+
+    const std::vector<LightBatch>& batches() const { return batches_; }
+    uint64_t revision() const { return revision_; } // of what the light pass has made
+
+private:
+    struct Group {
+        uint64_t made = 0;     // revision of the lights it was made from
+        uint64_t draw = 0;     // in which draw
+    };
+    static constexpr int kBatchGroups = kBatchLights / kLightsPerGroup;
+    Failure growBatches(bool visible);
+    Failure runGroups(int first, int count);
+    bool isMade(int group) const { return groups_[size_t(group)].made == instance_.groupRevision(group); }
+    std::vector<int> outdatedGroups() const;
+
+    Instance& instance_;
+    const BigsAsset& model_;
+    std::vector<LightBatch> batches_;
+    std::vector<Group> groups_;
+    bool occluded_ = false;
+    int lights_ = 0;
+    uint64_t revision_ = 1;
+};
+
+class BigsView final : public ViewModel {
+public:
+    BigsView(Instance& instance, const BigsAsset& model, const BigsInstance& lit) : instance_(instance), model_(model), lit_(lit) {}
+    Failure relight(const InstanceFrame& frame, DrawList& list, const ListRows& rows, RelightBudget& budget, bool* done) override;
+    Failure gather(const InstanceFrame& frame, DrawList& list, const ListRows& rows, std::span<const int> viewLights) override;
+
+private:
+    /// Of the combine pass.
+    struct Inputs {
+        glm::vec4 camera{0};
+        uint64_t lights = 0, looks = 0, list = 0; // revisions
+        bool sameAs(const Inputs& o, bool seesCamera) const { return lights == o.lights && looks == o.looks && list == o.list && (!seesCamera || camera == o.camera); }
+    };
+    Failure contract(const glm::vec4& camera);
+    Failure combine(const glm::vec4& camera, DrawList& list, const ListRows& rows);
+
+    Instance& instance_;
+    const BigsAsset& model_;
+    const BigsInstance& lit_;
+    Texture contracted_;
+    Framebuffer contractedTarget_;
+    glm::vec4 contractedFrom_{0};
+    Inputs combined_;
+    uint64_t contractedIn_ = 0, combinedIn_ = 0, clearedIn_ = 0; // draws
+    uint64_t clearedList_ = 0;
+};
+
+// ---- asset
+
+/// The largest radiance of any splat per unit of irradiance, from sums of absolute values (|y| < 1.8 for degree 4).
+float brightestOf(const SplatAsset& source)
 {
-    const GLuint textures[] = {transport_, scatter_, visibility_, contracted_, direct_, indirect_, visible_, color_}; // GL ignores 0
-    const GLuint framebuffers[] = {lightFramebuffer_, viewFramebuffer_, combineFramebuffer_};
-    gl().DeleteFramebuffers(GLsizei(std::size(framebuffers)), framebuffers);
-    gl().DeleteTextures(GLsizei(std::size(textures)), textures);
-    for (const Program* p : {&lightPass_, &viewPass_, &combinePass_, &splatProgram_}) gl().DeleteProgram(p->name);
+    const auto most = [&](const char* name) {
+        float m = 0;
+        if (const Channel* c = source.find(name))
+            for (const float v : c->values) m = std::max(m, std::abs(v));
+        return m;
+    };
+    constexpr float kLargestY = 1.8f, kFunctions = kBigsTransportFunctions;
+    const float direct = kFunctions * kLargestY * most("tDir"), indirect = kFunctions * kLargestY * most("tInd");
+    return direct * (1 + most("s") * kFunctions * kLargestY) + indirect + most("lobe");
 }
 
-Failure GpuBigs::checkLayout(const SplatAsset& source)
+Failure BigsAsset::checkLayout(const SplatAsset& source)
 {
     const Channel* s = source.find("s");
-    sFunctions_ = s ? bigsScatterFunctions(s->components) : 0;
-    scattering_ = s ? s->rows(asset_.count) : 0;
-    hasLobe_ = source.find("lobe") != nullptr;
-    hasVisibility_ = source.find("visibility") != nullptr;
+    sFunctions = s ? bigsScatterFunctions(s->components) : 0;
+    scattering = s ? s->rows(asset_.grid.count) : 0;
+    hasLobe = source.find("lobe") != nullptr;
+    hasVisibility = source.find("visibility") != nullptr;
+    brightest = brightestOf(source);
     for (const char* name : {"tDir", "tInd", "s"})
         if (const Channel* channel = source.find(name))
             if (Failure f = checkHalfRange(*channel)) return f;
-    if (Failure f = fitLongRow(asset_, "s", scattering_, bigsPairCount(sFunctions_))) return f;
-    return fitLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
+    const Gl& gl = asset_.context.gl;
+    if (Failure f = fitLongRow(gl, asset_.grid, "s", scattering, bigsPairCount(sFunctions))) return f;
+    return fitLongRow(gl, asset_.grid, "visibility", asset_.grid.count, asset_.visibilitySize * asset_.visibilitySize);
 }
 
-void GpuBigs::uploadGeometry(const Channel& rho, const Channel* shadow, const Channel* lobe) const
+void BigsAsset::queueGeometry(const SplatAsset& source, UploadQueue& queue)
 {
-    std::vector<float> staging;
-    uploadSlot(asset_, staging, kRhoShadow, [&](size_t g, float* t) {
+    const Channel &rho = *source.find("rho"), *shadow = source.find("shadow"), *lobe = source.find("lobe");
+    const Gl& gl = asset_.context.gl;
+    queueSlot<float>(queue, gl, asset_.grid, asset_.geometry, kRhoShadow, [&rho, shadow](size_t g, float* t) {
         for (int c = 0; c < 3; ++c) t[c] = rho.values[3 * g + size_t(c)];
         t[3] = shadow ? shadow->values[g] : 1.0f;
     });
     if (!lobe) return;
-    uploadSlot(asset_, staging, kNormalSharpness, [&](size_t g, float* t) { std::copy_n(&lobe->values[kBigsLobeFloats * g], 4, t); });
-    uploadSlot(asset_, staging, kLobeColor, [&](size_t g, float* t) { std::copy_n(&lobe->values[kBigsLobeFloats * g + 4], 3, t); });
+    queueSlot<float>(queue, gl, asset_.grid, asset_.geometry, kNormalSharpness,
+                     [lobe](size_t g, float* t) { std::copy_n(&lobe->values[kBigsLobeFloats * g], 4, t); });
+    queueSlot<float>(queue, gl, asset_.grid, asset_.geometry, kLobeColor,
+                     [lobe](size_t g, float* t) { std::copy_n(&lobe->values[kBigsLobeFloats * g + 4], 3, t); });
 }
 
-void GpuBigs::uploadTransport(const Channel& tDir, const Channel& tInd)
+Failure BigsAsset::upload(const SplatAsset& source, UploadQueue& queue)
 {
-    std::vector<uint16_t> staging;
-    transport_ = createSlotTexture(asset_, GL_RGBA16F, kBigsTransportFunctions);
+    Context& context = asset_.context;
+    queueGeometry(source, queue);
+    const Channel &tDir = *source.find("tDir"), &tInd = *source.find("tInd");
+    transport = slotTexture(context, asset_.grid, GL_RGBA16F, kBigsTransportFunctions);
     for (int i = 0; i < kBigsTransportFunctions; ++i)
-        uploadSlot(asset_, staging, i, [&](size_t g, uint16_t* t) {
+        queueSlot<uint16_t>(queue, context.gl, asset_.grid, transport, i, [&tDir, &tInd, i](size_t g, uint16_t* t) {
             const size_t k = g * kBigsTransportFunctions + size_t(i);
             for (size_t c = 0; c < 3; ++c) t[c] = halfFromFloat(tInd.values[3 * k + c]);
             t[3] = halfFromFloat(tDir.values[k]);
         });
-}
-
-void GpuBigs::uploadScatter(const Channel& s)
-{
-    const TexelFormat<uint16_t> halves{GL_RGBA16F, GL_RGBA, GL_HALF_FLOAT, 4};
-    uploadLongRow(asset_, scatter_, halves, s.values.size() / 3, [&](size_t t, uint16_t* out) {
-        for (size_t c = 0; c < 3; ++c) out[c] = halfFromFloat(s.values[3 * t + c]);
-    });
-}
-
-Failure GpuBigs::createTargets()
-{
-    color_ = createSlotTexture(asset_, GL_RGBA32F, 1);
-    combineFramebuffer_ = createTarget(gl(), color_);
-    bool complete = gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
-    if (sFunctions_ > 0) {
-        contracted_ = createRowTexture(asset_, GL_RGBA32F, contractedRows());
-        viewFramebuffer_ = createTarget(gl(), contracted_);
-        complete = complete && gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
-    }
-    if (!complete) return {NACRE_ERROR_GL, "this GPU cannot render into RGBA32F textures, which relighting needs"};
-    gl().GenFramebuffers(1, &lightFramebuffer_); // its textures are made when the number of lights is known
+    if (const Channel* s = source.find("s"))
+        queueLongRow<uint16_t>(queue, context, asset_.grid, scatter, GL_RGBA16F, 4, s->values.size() / 3, [s](size_t t, uint16_t* out) {
+            for (size_t c = 0; c < 3; ++c) out[c] = halfFromFloat(s->values[3 * t + c]);
+        });
+    if (const Channel* maps = source.find("visibility")) queueVisibility(queue, context, asset_.grid, visibility, *maps);
     return {};
 }
 
-Failure GpuBigs::upload(const SplatAsset& source)
+std::string BigsAsset::defines(bool occluded) const
 {
-    const Channel *s = source.find("s"), *visibility = source.find("visibility");
-    uploadGeometry(*source.find("rho"), source.find("shadow"), source.find("lobe"));
-    uploadTransport(*source.find("tDir"), *source.find("tInd"));
-    if (s) uploadScatter(*s);
-    if (visibility) uploadVisibility(asset_, visibility_, *visibility);
-    return createTargets();
+    return define("VISIBILITY_SIZE", asset_.visibilitySize) + define("S_FUNCTIONS", sFunctions) + define("HAS_LOBE", int(hasLobe)) +
+           define("HAS_VISIBILITY", int(hasVisibility)) + define("HAS_OCCLUSION", int(occluded)) + define("HAS_VISIBLE", int(hidesLights(occluded))) +
+           define("LOBE_FACING", kBigsLobeFacing) + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kFetchLightGlsl + shaders::kVisibilityMapGlsl +
+           shaders::kBigsGlsl;
 }
 
-Failure GpuBigs::compilePrograms()
+Failure BigsAsset::lightProgram(bool occluded, const Program** program) const
 {
-    const std::string common = commonDefines(asset_) + define("S_FUNCTIONS", sFunctions_) + define("S_SPLATS", int(scattering_)) + define("HAS_LOBE", int(hasLobe_)) +
-                               define("HAS_VISIBILITY", int(hasVisibility_)) + define("LOBE_FACING", kBigsLobeFacing);
-    const std::string fullscreen = common + shaders::kFullscreenVertGlsl;
-    const std::string pass = common + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kVisibilityMapGlsl + shaders::kBigsGlsl;
-    if (Failure f = compile(gl(), "light", fullscreen, pass + shaders::kBigsLightFragGlsl, {"uGeometry", "uTransport", "uLights", "uVisibility"}, &lightPass_))
-        return f;
-    if (sFunctions_ > 0)
-        if (Failure f = compile(gl(), "view", fullscreen, pass + shaders::kBigsViewFragGlsl, {"uGeometry", "uScatter"}, &viewPass_)) return f;
-    if (Failure f = compile(gl(), "combine", fullscreen, pass + shaders::kBigsCombineFragGlsl,
-                            {"uGeometry", "uDirect", "uIndirect", "uContracted", "uLights", "uVisible"}, &combinePass_))
-        return f;
-    return compile(gl(), "splat", common + shaders::kProjectGlsl + shaders::kSplatVertGlsl, common + shaders::kSplatFragGlsl, {"uGeometry", "uColor", "uOrder"},
-                   &splatProgram_);
+    return findProgram(asset_.context, {"light", shaders::kFullscreenVertGlsl, defines(occluded) + shaders::kBigsLightFragGlsl,
+                                        {"uGeometry", "uTransport", "uLights", "uVisibility", "uOcclusion"}}, program);
 }
 
-void GpuBigs::freeLightTargets()
+Failure BigsAsset::viewProgram(const Program** program) const
 {
-    const GLuint old[] = {direct_, indirect_, visible_};
-    gl().DeleteTextures(3, old);
-    const uint64_t texelBytes = 2 * 16 + (visible_ ? 8 : 0);
-    asset_.gpuBytes -= texelBytes * uint64_t(groupCapacity_) * uint64_t(asset_.width) * uint64_t(asset_.rows);
-    direct_ = indirect_ = visible_ = 0;
-    groupCapacity_ = 0;
+    return findProgram(asset_.context, {"view", shaders::kFullscreenVertGlsl, defines(false) + shaders::kBigsViewFragGlsl, {"uGeometry", "uScatter"}}, program);
 }
 
-/// Room for `groups` groups of four lights.
-Failure GpuBigs::growLightTargets(int groups)
+Failure BigsAsset::combineProgram(bool occluded, const Program** program) const
 {
-    if (groups <= groupCapacity_) return {};
-    clearHostErrors(*asset_.context);
-    gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, lightFramebuffer_); // deletion detaches, and so frees, only while bound
-    freeLightTargets();
-    groupCapacity_ = groups;
-    direct_ = createSlotTexture(asset_, GL_RGBA32F, groups);
-    indirect_ = createSlotTexture(asset_, GL_RGBA32F, groups);
-    if (hasLobe_ && hasVisibility_) visible_ = createSlotTexture(asset_, GL_RGBA16F, groups);
-    const GLuint targets[] = {direct_, indirect_, visible_};
-    const GLenum attachments[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2};
-    const int count = visible_ ? 3 : 2;
-    for (int i = 0; i < count; ++i) gl().FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, attachments[i], GL_TEXTURE_2D, targets[i], 0);
-    gl().DrawBuffers(count, attachments);
-    if (allocated(gl())) return {};
-    freeLightTargets();
-    return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(4 * groups) + " lights; use fewer"};
+    return findProgram(asset_.context, {"combine", shaders::kFullscreenVertGlsl, defines(occluded) + shaders::kBigsCombineFragGlsl,
+                                        {"uGeometry", "uDirect", "uIndirect", "uContracted", "uLights", "uVisible"}}, program);
 }
 
-void GpuBigs::runLightPass() const
+Failure BigsAsset::compileAhead(int)
 {
-    if (asset_.packed.count == 0) return;
-    gl().UseProgram(lightPass_.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-    bindTexture(gl(), 1, GL_TEXTURE_2D, transport_);
-    bindTexture(gl(), 2, GL_TEXTURE_2D, asset_.lights);
-    if (hasVisibility_) bindTexture(gl(), 3, GL_TEXTURE_2D_ARRAY, visibility_);
-    gl().Uniform1i(lightPass_.lightCount, asset_.packed.count);
-    gl().Uniform1f(lightPass_.worldScale2, asset_.packed.worldScale2);
-    runPass(asset_, lightFramebuffer_, asset_.rows * ((asset_.packed.count + 3) / 4));
+    const Program* program = nullptr;
+    if (Failure f = lightProgram(false, &program)) return f;
+    if (sFunctions > 0)
+        if (Failure f = viewProgram(&program)) return f;
+    return combineProgram(false, &program);
 }
 
-void GpuBigs::runViewPass(const glm::vec3& camera) const
-{
-    gl().UseProgram(viewPass_.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-    bindTexture(gl(), 1, GL_TEXTURE_2D_ARRAY, scatter_);
-    gl().Uniform3f(viewPass_.cameraAsset, camera.x, camera.y, camera.z);
-    runPass(asset_, viewFramebuffer_, contractedRows());
-}
+std::unique_ptr<InstanceModel> BigsAsset::makeInstance(Instance& instance) { return std::make_unique<BigsInstance>(instance, *this); }
 
-void GpuBigs::runCombinePass(const glm::vec3& camera) const
-{
-    gl().UseProgram(combinePass_.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-    bindTexture(gl(), 1, GL_TEXTURE_2D, direct_);
-    bindTexture(gl(), 2, GL_TEXTURE_2D, indirect_);
-    bindTexture(gl(), 3, GL_TEXTURE_2D, contracted_);
-    bindTexture(gl(), 4, GL_TEXTURE_2D, asset_.lights);
-    if (visible_) bindTexture(gl(), 5, GL_TEXTURE_2D, visible_);
-    gl().Uniform1i(combinePass_.lightCount, asset_.packed.count);
-    gl().Uniform1f(combinePass_.worldScale2, asset_.packed.worldScale2);
-    gl().Uniform3f(combinePass_.cameraAsset, camera.x, camera.y, camera.z);
-    runPass(asset_, combineFramebuffer_, asset_.rows);
-}
+// ---- instance
 
-Failure GpuBigs::setEdits(std::span<const SplatEdit> edits)
+Failure BigsInstance::setEdits(std::span<const SplatEdit> edits)
 {
     if (edits.empty()) return {};
     return {NACRE_ERROR_UNSUPPORTED, "an asset of the model 'bigs' has no materials to edit; bake with --model sss"};
 }
 
-Failure GpuBigs::relight(const DrawFrame& frame, bool lightsChanged)
+/// Room for the lights there are; what is there stays.
+Failure BigsInstance::growBatches(bool visible)
 {
-    const bool viewChanged = (sFunctions_ > 0 || hasLobe_) && (!seen_ || seenFrom_ != frame.cameraAsset);
-    if (lightsChanged)
-        if (Failure f = growLightTargets((asset_.packed.count + 3) / 4)) return f;
-    kept_.update();
-    if (lightsChanged) kept_.outdate(kLightPass);
-    if (viewChanged) kept_.outdate(kViewPass);
-    if (lightsChanged || viewChanged) kept_.outdate(kCombinePass);
-    seenFrom_ = frame.cameraAsset;
-    seen_ = true;
-    const bool light = !kept_.has(kLightPass), view = sFunctions_ > 0 && !kept_.has(kViewPass), combine = light || view || !kept_.has(kCombinePass);
-    if (combine) {
-        kept_.begin();
-        if (light) runLightPass();
-        if (view) runViewPass(frame.cameraAsset);
-        runCombinePass(frame.cameraAsset);
-        kept_.end(1u << kCombinePass | unsigned(light) << kLightPass | unsigned(view) << kViewPass);
+    Context& context = instance_.context;
+    const SplatGrid& grid = instance_.asset->grid;
+    for (size_t b = 0; int(b) * kBatchLights < instance_.lightCount(); ++b) {
+        const int lights = std::min(instance_.lightCount() - int(b) * kBatchLights, kBatchLights), groups = (lights + kLightsPerGroup - 1) / kLightsPerGroup;
+        if (b < batches_.size() && batches_[b].direct.height() >= groups * grid.rows && bool(batches_[b].visible) == visible) continue;
+        clearHostErrors(context);
+        if (b == batches_.size()) batches_.emplace_back();
+        LightBatch& batch = batches_[b];
+        batch = {};
+        for (size_t g = b * kBatchGroups; g < std::min(groups_.size(), (b + 1) * kBatchGroups); ++g) groups_[g] = {};
+        batch.direct = slotTexture(context, grid, GL_RGBA32F, groups);
+        batch.indirect = slotTexture(context, grid, GL_RGBA32F, groups);
+        if (visible) batch.visible = slotTexture(context, grid, GL_RGBA16F, groups);
+        batch.framebuffer = Framebuffer(context);
+        batch.framebuffer.attach(0, batch.direct), batch.framebuffer.attach(1, batch.indirect);
+        if (visible) batch.framebuffer.attach(2, batch.visible);
+        batch.framebuffer.drawTo(visible ? 3 : 2);
+        if (allocated(context.gl)) continue;
+        batches_.resize(b);
+        return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(instance_.lightCount()) + " lights on an instance; use fewer"};
     }
-    asset_.stats.lightPassesRun = light;
-    asset_.stats.viewPassesRun = view;
-    asset_.stats.combinePassesRun = combine;
     return {};
 }
 
-Failure GpuBigs::raster(const DrawFrame& frame, bool depthTest, GlStateGuard& state)
+/// `count` groups from `first` on, of one batch.
+Failure BigsInstance::runGroups(int first, int count)
 {
-    state.beginDraw(depthTest);
-    gl().UseProgram(splatProgram_.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-    bindTexture(gl(), 1, GL_TEXTURE_2D, color_);
-    bindTexture(gl(), 2, GL_TEXTURE_2D, asset_.order);
-    setSplatUniforms(asset_, splatProgram_, frame);
-    gl().Uniform1f(splatProgram_.maxColor, largestColor(gl()));
-    drawQuads(asset_);
+    const Asset& asset = *instance_.asset;
+    const size_t b = size_t(first / kBatchGroups);
+    const bool occluded = b < instance_.occlusion.size();
+    const Program* program = nullptr;
+    if (Failure f = model_.lightProgram(occluded, &program)) return f;
+    program->use();
+    asset.grid.set(*program);
+    asset.geometry.bind(0);
+    model_.transport.bind(1);
+    instance_.lightTexture.bind(2);
+    model_.visibility.bind(3);
+    if (occluded) instance_.occlusion[b].bind(4);
+    program->set("uFirstLight", int(b) * kBatchLights);
+    program->set("uLightCount", instance_.lightCount());
+    program->set("uWorldScale2", instance_.worldScale2());
+    batches_[b].framebuffer.bind();
+    runPass(instance_.context, asset.grid.width, asset.grid.rows * (first % kBatchGroups), asset.grid.rows * count);
+    return {};
+}
+
+/// Groups whose lights have changed, then those that may not have been drawn.
+std::vector<int> BigsInstance::outdatedGroups() const
+{
+    std::vector<int> groups;
+    for (const bool made : {false, true})
+        for (int g = 0; g < int(groups_.size()); ++g)
+            if (const Group& group = groups_[size_t(g)]; isMade(g) == made && !(made && instance_.context.passes.sure(group.draw))) groups.push_back(g);
+    return groups;
+}
+
+Failure BigsInstance::relight(RelightBudget& budget, bool* done)
+{
+    *done = true;
+    if (const bool occluded = !instance_.occlusion.empty(); occluded != occluded_) occluded_ = occluded, groups_.clear();
+    if (Failure f = growBatches(model_.hidesLights(occluded_))) return f;
+    groups_.resize(size_t(instance_.groupCount()));
+    if (lights_ != instance_.lightCount()) lights_ = instance_.lightCount(), ++revision_;
+    const std::vector<int> outdated = outdatedGroups();
+    if (outdated.empty()) return {};
+
+    size_t i = 0;
+    for (size_t n = 0; i < outdated.size(); i += n) {
+        const int first = outdated[i];
+        const auto continues = [&](size_t k) { return i + k < outdated.size() && outdated[i + k] == first + int(k) && (first + int(k)) % kBatchGroups != 0; };
+        for (n = 0; (n == 0 || continues(n)) && budget.take(instance_.asset->grid.count);) ++n;
+        if (n == 0) break;
+        if (Failure f = runGroups(first, int(n))) return f;
+        for (int g = first; g < first + int(n); ++g) groups_[size_t(g)] = {instance_.groupRevision(g), instance_.context.passes.now()};
+    }
+    *done = i == outdated.size() || std::all_of(outdated.begin() + ptrdiff_t(i), outdated.end(), [&](int g) { return isMade(g); });
+    ++revision_, ++budget.stats->lightPassesRun;
+    return {};
+}
+
+std::unique_ptr<ViewModel> BigsInstance::makeView() { return std::make_unique<BigsView>(instance_, model_, *this); }
+
+// ---- view
+
+Failure BigsView::contract(const glm::vec4& camera)
+{
+    Context& context = instance_.context;
+    const SplatGrid& grid = instance_.asset->grid;
+    if (!contracted_) {
+        clearHostErrors(context);
+        contracted_ = Texture(context, GL_RGBA32F, grid.width, model_.contractedRows());
+        contractedTarget_ = Framebuffer(context);
+        contractedTarget_.attach(0, contracted_);
+        if (!allocated(context.gl)) {
+            contracted_ = {};
+            return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for an instance in one more view"};
+        }
+    }
+    const Program* program = nullptr;
+    if (Failure f = model_.viewProgram(&program)) return f;
+    program->use();
+    grid.set(*program);
+    program->set("uCamera", camera);
+    program->set("uScattering", int(model_.scattering));
+    instance_.asset->geometry.bind(0);
+    model_.scatter.bind(1);
+    contractedTarget_.bind();
+    runPass(context, grid.width, 0, model_.contractedRows());
+    contractedFrom_ = camera, contractedIn_ = context.passes.now();
+    return {};
+}
+
+/// Batches after the first add to what the first has written.
+Failure BigsView::combine(const glm::vec4& camera, DrawList& list, const ListRows& rows)
+{
+    Context& context = instance_.context;
+    const Gl& gl = context.gl;
+    const Asset& asset = *instance_.asset;
+    const std::vector<LightBatch>& batches = lit_.batches();
+    const int lights = instance_.lightCount();
+    for (int first = 0; first == 0 || first < lights; first += kBatchLights) {
+        const size_t b = size_t(first / kBatchLights);
+        const bool occluded = b < instance_.occlusion.size();
+        const Program* program = nullptr;
+        if (Failure f = model_.combineProgram(occluded, &program)) return f;
+        program->use();
+        asset.grid.set(*program);
+        list.set(*program, rows);
+        program->set("uCamera", camera);
+        program->set("uTint", instance_.tint);
+        program->set("uFirstLight", first);
+        program->set("uEndLight", std::min(first + kBatchLights, lights));
+        program->set("uScattering", int(model_.scattering));
+        program->set("uWorldScale2", instance_.worldScale2());
+        asset.geometry.bind(0);
+        if (b < batches.size()) {
+            batches[b].direct.bind(1), batches[b].indirect.bind(2);
+            batches[b].visible.bind(5);
+        }
+        contracted_.bind(3);
+        instance_.lightTexture.bind(4);
+        list.beginColor();
+        if (first > 0) beginAdding(gl);
+        runPass(instance_.context, list.width(), rows.first, rows.count);
+        if (first > 0) gl.Disable(GL_BLEND);
+    }
+    return {};
+}
+
+Failure BigsView::relight(const InstanceFrame& frame, DrawList& list, const ListRows& rows, RelightBudget& budget, bool* done)
+{
+    const PassLog& passes = instance_.context.passes;
+    const Inputs inputs{frame.camera, lit_.revision(), instance_.looksRevision, list.revision()};
+    const bool view = model_.sFunctions > 0 && (contractedFrom_ != frame.camera || !passes.sure(contractedIn_));
+    const bool same = inputs.sameAs(combined_, model_.sFunctions > 0 || model_.hasLobe) && passes.sure(combinedIn_);
+    *done = same && !view;
+    if (*done || !budget.take((1 + uint64_t(view)) * instance_.asset->grid.count)) return {};
+    if (view)
+        if (Failure f = contract(frame.camera)) return f;
+    if (Failure f = combine(frame.camera, list, rows)) return f;
+    combined_ = inputs, combinedIn_ = passes.now();
+    budget.stats->viewPassesRun += view;
+    ++budget.stats->combinePassesRun;
+    *done = true;
+    return {};
+}
+
+/// In a view that shades pixels: no surface.
+Failure BigsView::gather(const InstanceFrame&, DrawList& list, const ListRows& rows, std::span<const int>)
+{
+    Context& context = instance_.context;
+    if (clearedList_ == list.attributesRevision() && context.passes.sure(clearedIn_)) return {};
+    const Program* program = nullptr;
+    if (Failure f = findProgram(context, {"clear", shaders::kFullscreenVertGlsl, shaders::kNothingFragGlsl, {}}, &program)) return f;
+    program->use();
+    list.beginAttributes(0, 3);
+    runPass(context, list.width(), rows.first, rows.count);
+    clearedList_ = list.attributesRevision(), clearedIn_ = context.passes.now();
     return {};
 }
 
 } // namespace
 
-std::unique_ptr<GpuModel> bigs::makeGpuModel(NacreAssetImpl& asset) { return std::make_unique<GpuBigs>(asset); }
+std::unique_ptr<AssetModel> bigs::makeAssetModel(Asset& asset) { return std::make_unique<BigsAsset>(asset); }
 
 } // namespace nacre

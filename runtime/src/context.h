@@ -1,11 +1,23 @@
-// What a host's NacreContext points to, and how work inside the runtime fails.
+// What a context of the C API owns, and how work inside the runtime fails.
 #pragma once
 
+#include "failure.h"
 #include "gl_api.h"
+#include "gl_state.h"
+#include "handles.h"
+#include "light_set.h"
+#include "pass_log.h"
 
+#include <memory>
 #include <string>
+#include <unordered_map>
 
 namespace nacre {
+
+struct Asset;
+struct Instance;
+class View;
+class Program;
 
 /// See host_depth.cpp.
 struct DepthSource {
@@ -23,48 +35,55 @@ struct DepthCopy {
     GLuint knownTexture = 0, knownArray = 0; // the last shared one, and the last that was an array; where GL does not tell
 };
 
-/// Empty text: success.
-struct Failure {
-    NacreResult code = NACRE_OK;
-    std::string text;
-    explicit operator bool() const { return code != NACRE_OK; }
-};
-
-} // namespace nacre
-
-struct NacreContextImpl {
-    nacre::Gl gl;
+struct Context {
+    Handle handle;
+    Gl gl;
     NacreMessageCallback message = nullptr;
     void* messageUser = nullptr;
     bool profiling = false;
+    HostState hostState = HostState::kPutBack;
+
+    PassLog passes{gl};
+    LightSet lights;
+    std::unordered_map<std::string, std::unique_ptr<Program>> programs; // by source
+    uint64_t gpuBytes = 0;      // of all textures
 
     GLuint vertexArray = 0;     // holds the index buffer and the mark of the GL context; no attributes
     GLuint indexBuffer = 0;     // two triangles per splat: 4n + {0, 1, 2, 2, 1, 3}
     size_t indexedSplats = 0;   // capacity of indexBuffer
-    nacre::DepthCopy depthCopy;
+    DepthCopy depthCopy;
 
+    HandleTable<Asset> assets{HandleKind::kAsset};
+    HandleTable<Instance> instances{HandleKind::kInstance};
+    HandleTable<View> views{HandleKind::kView};
+
+    Context();
+    ~Context();
+    /// Everything of GL. Its context is current, or forgotten.
+    void destroyObjects();
     void report(NacreSeverity severity, const std::string& text) const
     {
         if (message) message(severity, text.c_str(), messageUser);
     }
-    NacreResult fail(const nacre::Failure& f) const
+    NacreResult fail(const Failure& f) const
     {
         report(NACRE_ERROR, f.text);
         return f.code;
     }
 };
 
-namespace nacre {
-
 /// Takes the GL context that is current for that of `context`.
-void markGlContext(NacreContextImpl& context);
+void markGlContext(Context& context);
 /// Fails if another one, or none, is current. A few gets, no waiting.
-Failure checkGlContext(const NacreContextImpl& context);
+Failure checkGlContext(const Context& context);
+
+/// The quads of so many splats as triangles, shared by all views.
+Failure growIndexBuffer(Context& context, size_t splats);
 
 /// While it lives, GL objects of `context` are forgotten instead of deleted: in another GL context their names are other objects'.
 class ForgottenObjects {
 public:
-    explicit ForgottenObjects(NacreContextImpl& context);
+    explicit ForgottenObjects(Context& context);
     ~ForgottenObjects() { gl_ = functions_; }
     ForgottenObjects(const ForgottenObjects&) = delete;
     ForgottenObjects& operator=(const ForgottenObjects&) = delete;

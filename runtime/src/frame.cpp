@@ -1,5 +1,6 @@
 // Turns the host's matrices into what the passes need, and rejects what the runtime cannot draw.
-#include "asset.h"
+#include "frame.h"
+
 #include "base/finite.h"
 
 #include <glm/gtc/type_ptr.hpp>
@@ -37,13 +38,26 @@ static bool isSimilarity(glm::dmat4& m, double* scale)
     return true;
 }
 
-/// Clip w grows with -z and, but for rounding, with nothing else; the eye may be shifted. Orthographic matrices have w = 1.
+/// Clip w grows with -z and, but for rounding, with nothing else; the eye may be shifted.
 static bool isPerspective(const glm::dmat4& p)
 {
     constexpr double kFarthestEye = 1e6; // an orthographic matrix that was inverted twice has its eye at 1e7 or farther
     const double perDepth = -p[2][3];
     return perDepth > 0 && std::abs(p[0][3]) < kShapeTolerance * perDepth && std::abs(p[1][3]) < kShapeTolerance * perDepth &&
            std::abs(p[3][3]) < kFarthestEye * perDepth;
+}
+
+/// Clip w is constant but for rounding; exactly 1 afterwards.
+static bool isOrthographic(glm::dmat4& p)
+{
+    if (!(p[3][3] > 0)) return false;
+    p /= p[3][3];
+    for (int i = 0; i < 3; ++i) {
+        const double size = std::max({std::abs(p[i][0]), std::abs(p[i][1]), std::abs(p[i][2])});
+        if (!(std::abs(p[i][3]) <= kPerspectiveTolerance * size)) return false;
+        p[i][3] = 0;
+    }
+    return true;
 }
 
 // A projection is taken as it comes: off centre, with the eye shifted in the projection (stereo), with a tilted near plane (mirrors and
@@ -81,53 +95,100 @@ static double nearW(const glm::dmat4& p, const glm::dvec3& eye, const glm::dvec4
     return nearest;
 }
 
-Failure makeFrame(const NacreDrawDesc& desc, const ClipControl& clip, DrawFrame* frame)
+Failure makePlacement(const float m[16], Placement* placement)
 {
-    const auto invalid = [](std::string text) { return Failure{NACRE_ERROR_INVALID_ARGUMENT, std::move(text)}; };
-    const struct { const char* name; const float* m; } matrices[] = {
-        {"worldFromAsset", desc.worldFromAsset}, {"viewFromWorld", desc.viewFromWorld}, {"clipFromView", desc.clipFromView}};
-    for (const auto& [name, m] : matrices)
-        if (!allFinite(m, 16)) return invalid(std::string(name) + " has a value that is not finite");
-
-    glm::dmat4 worldFromAsset(glm::make_mat4(desc.worldFromAsset)), viewFromWorld(glm::make_mat4(desc.viewFromWorld));
-    const glm::dmat4 clipFromView(glm::make_mat4(desc.clipFromView));
-    double worldScale = 0, viewScale = 0;
-    if (!isSimilarity(worldFromAsset, &worldScale))
-        return invalid("worldFromAsset must be a rotation (or a mirrored one), a translation and one uniform scale");
-    if (!isSimilarity(viewFromWorld, &viewScale))
-        return invalid("viewFromWorld must be a rotation (or a mirrored one), a translation and one uniform scale");
-    if (!isPerspective(clipFromView))
-        return invalid("clipFromView must be a perspective projection with clip w = -z (column-major, see nacre.h)");
-    if (!(std::abs(glm::determinant(xywFromView(clipFromView))) > 0))
-        return invalid("clipFromView flattens the picture: its first, second and fourth row do not span space");
-
-    const glm::dmat4 viewFromAsset = viewFromWorld * worldFromAsset;
-    const glm::dvec3 eye = eyeOfProjection(clipFromView);
-    const glm::dvec4 plane = nearPlane(clipFromView, eye, clip.zeroToOne);
-    frame->viewFromAsset = glm::mat3(viewFromAsset);
-    frame->viewTranslation = glm::vec3(viewFromAsset[3]);
-    frame->clipFromView = glm::make_mat4(desc.clipFromView);
-    frame->assetFromWorld = glm::inverse(worldFromAsset);
-    frame->cameraAsset = glm::vec3(glm::inverse(viewFromAsset) * glm::dvec4(eye, 1));
-    frame->worldScale = float(worldScale);
-    frame->viewScale = float(worldScale * viewScale);
-    frame->clip = clip;
-    frame->nearPlane = glm::vec4(plane);
-    frame->nearW = float(nearW(clipFromView, eye, plane));
-    frame->viewport = {float(desc.viewportWidth), float(desc.viewportHeight)};
+    if (!allFinite(m, 16)) return invalid("worldFromAsset has a value that is not finite");
+    glm::dmat4 world(glm::make_mat4(m));
+    if (world == glm::dmat4(0)) world = glm::dmat4(1);
+    double scale = 0;
+    if (!isSimilarity(world, &scale)) return invalid("worldFromAsset must be a rotation (or a mirrored one), a translation and one uniform scale");
+    *placement = {world, glm::inverse(world), scale};
     return {};
 }
 
-// The ray of (x, y, w) in clip space is M^-1 (x, y, w); here w = 1, so x and y are those of ndc.
-WindowRays windowRays(const DrawFrame& frame, const float viewport[4])
+/// Orthographic rays are parallel: along z of view space, but for an oblique projection, whose x and y also change with z.
+static Failure makeOrthographic(glm::dmat4 p, ViewFrame* frame)
 {
-    const glm::dmat3 assetFromView = glm::transpose(glm::dmat3(frame.viewFromAsset)); // times a scale, which does not matter
-    const glm::dmat3 assetFromNdc = assetFromView * glm::inverse(xywFromView(glm::dmat4(frame.clipFromView)));
+    const glm::dmat2 xy(p[0].x, p[0].y, p[1].x, p[1].y);
+    if (!(std::abs(glm::determinant(xy)) > 0)) return invalid("clipFromView flattens the picture: its first two rows do not span the plane");
+    const glm::dvec2 slope = glm::inverse(xy) * glm::dvec2(p[2].x, p[2].y); // view x, y that a step in z looks like
+    const glm::dvec3 towards = glm::normalize(glm::dvec3(-slope.x, -slope.y, 1.0));
+    const glm::dmat4 worldFromView = glm::inverse(frame->viewFromWorld);
+    const glm::dmat4 rows = glm::transpose(p);
+    frame->orthographic = true;
+    frame->towardsEye = glm::normalize(glm::dmat3(worldFromView) * towards);
+    frame->eye = glm::dvec3(worldFromView[3]);
+    const bool reversed = glm::dot(glm::dvec3(rows[2]), towards) > 0; // depth grows towards the camera
+    frame->nearPlane = glm::vec4(reversed ? rows[3] - rows[2] : frame->clip.zeroToOne ? rows[2] : rows[2] + rows[3]);
+    frame->nearW = 0;
+    frame->clipFromView = glm::mat4(p);
+    return {};
+}
+
+Failure makeViewFrame(const NacreDrawDesc& desc, const ClipControl& clip, ViewFrame* frame)
+{
+    const struct { const char* name; const float* m; } matrices[] = {{"viewFromWorld", desc.viewFromWorld}, {"clipFromView", desc.clipFromView}};
+    for (const auto& [name, m] : matrices)
+        if (!allFinite(m, 16)) return invalid(std::string(name) + " has a value that is not finite");
+    *frame = {};
+    frame->clip = clip;
+    frame->viewport = {float(desc.viewportWidth), float(desc.viewportHeight)};
+    frame->viewFromWorld = glm::make_mat4(desc.viewFromWorld);
+    if (!isSimilarity(frame->viewFromWorld, &frame->viewScale))
+        return invalid("viewFromWorld must be a rotation (or a mirrored one), a translation and one uniform scale");
+    glm::dmat4 clipFromView(glm::make_mat4(desc.clipFromView));
+    if (!isPerspective(clipFromView)) {
+        if (isOrthographic(clipFromView)) return makeOrthographic(clipFromView, frame);
+        return invalid("clipFromView must be a perspective projection with clip w = -z, or an orthographic one (column-major, see nacre.h)");
+    }
+    if (!(std::abs(glm::determinant(xywFromView(clipFromView))) > 0))
+        return invalid("clipFromView flattens the picture: its first, second and fourth row do not span space");
+    const glm::dvec3 eye = eyeOfProjection(clipFromView);
+    const glm::dvec4 plane = nearPlane(clipFromView, eye, clip.zeroToOne);
+    frame->clipFromView = glm::make_mat4(desc.clipFromView);
+    frame->eye = glm::dvec3(glm::inverse(frame->viewFromWorld) * glm::dvec4(eye, 1));
+    frame->nearPlane = glm::vec4(plane);
+    frame->nearW = float(nearW(clipFromView, eye, plane));
+    return {};
+}
+
+InstanceFrame makeInstanceFrame(const ViewFrame& view, const Placement& placement)
+{
+    const glm::dmat4 viewFromAsset = view.viewFromWorld * placement.worldFromAsset;
+    InstanceFrame frame;
+    frame.viewFromAsset = glm::mat3(viewFromAsset);
+    frame.worldFromAsset = glm::mat3(placement.worldFromAsset);
+    frame.viewTranslation = glm::vec3(viewFromAsset[3]);
+    frame.fromEye = glm::vec3(glm::dvec3(placement.worldFromAsset[3]) - view.eye);
+    frame.camera = view.orthographic ? glm::vec4(glm::normalize(glm::dmat3(placement.assetFromWorld) * view.towardsEye), 0)
+                                     : glm::vec4(placement.assetFromWorld * glm::dvec4(view.eye, 1));
+    frame.worldScale = float(placement.scale);
+    frame.viewScale = float(placement.scale * view.viewScale);
+    return frame;
+}
+
+// The ray of (x, y, w) in clip space is M^-1 (x, y, w); here w = 1, so x and y are those of ndc. Orthographic rays differ in where they
+// start instead.
+WindowRays windowRays(const ViewFrame& frame, const float viewport[4])
+{
     const double up = frame.clip.upperLeft ? -1.0 : 1.0; // of ndc, in the window
     const glm::dvec2 step(2.0 / viewport[2], up * 2.0 / viewport[3]);
     const glm::dvec2 start = glm::dvec2(-1.0, -up) - step * glm::dvec2(viewport[0], viewport[1]);
-    const auto ray = [&](double x, double y, double w) { return glm::vec3(assetFromNdc * glm::dvec3(x, y, w)); };
-    return {ray(start.x, start.y, 1), ray(step.x, 0, 0), ray(0, step.y, 0)};
+    const glm::dmat3 worldFromView = glm::inverse(glm::dmat3(frame.viewFromWorld));
+    const glm::dmat4 p(frame.clipFromView);
+    WindowRays rays{};
+    if (frame.orthographic) {
+        const glm::dmat2 viewFromNdc = glm::inverse(glm::dmat2(p[0].x, p[0].y, p[1].x, p[1].y));
+        const auto along = [&](glm::dvec2 ndc) { return glm::vec3(worldFromView * glm::dvec3(viewFromNdc * ndc, 0.0)); };
+        rays.origin = along(start - glm::dvec2(p[3].x, p[3].y)); // the eye is the origin of view space
+        rays.originRight = along({step.x, 0}), rays.originUp = along({0, step.y});
+        rays.ray = glm::vec3(-frame.towardsEye);
+        return rays;
+    }
+    const glm::dmat3 worldFromNdc = worldFromView * glm::inverse(xywFromView(p));
+    const auto ray = [&](double x, double y, double w) { return glm::vec3(worldFromNdc * glm::dvec3(x, y, w)); };
+    rays.ray = ray(start.x, start.y, 1), rays.rayRight = ray(step.x, 0, 0), rays.rayUp = ray(0, step.y, 0);
+    return rays;
 }
 
 } // namespace nacre

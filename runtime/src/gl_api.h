@@ -86,6 +86,8 @@ struct Gl {
     GLint maxDrawBuffers = 0;         // at least 8, in ES 4
 
     bool hasCompute() const { return NACRE_WITH_GL43 && backEnd == BackEnd::kGl43; }
+    /// Layers that one pass draws into.
+    int maxLayers() const { return maxDrawBuffers < 8 ? maxDrawBuffers : 8; }
 };
 
 /// Empty on success, else one line that says what is missing.

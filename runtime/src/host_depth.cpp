@@ -15,7 +15,7 @@ static GLint attachmentValue(const Gl& gl, GLenum attachment, GLenum what)
 
 /// Attaches a texture's level to our framebuffer, which is bound, where nothing tells whether it is the first layer of an array (ES before
 /// 3.2): by trying the kind that this name had last. GL remembers a wrong guess as an error, so a new name is tried without the host's.
-static void attachUnknownTexture(NacreContextImpl& context, GLuint name, GLint level)
+static void attachUnknownTexture(Context& context, GLuint name, GLint level)
 {
     const Gl& gl = context.gl;
     GLuint& knownArray = context.depthCopy.knownArray;
@@ -38,7 +38,7 @@ static void attachUnknownTexture(NacreContextImpl& context, GLuint name, GLint l
 
 /// Shares the image that the host has attached; its framebuffer is bound. False for one with layers, of which splats are drawn into the
 /// first: GL 3.3 does not say how to name that one alone.
-static bool shareDepth(NacreContextImpl& context, GLuint ours)
+static bool shareDepth(Context& context, GLuint ours)
 {
     const Gl& gl = context.gl;
     const auto get = [&](GLenum what) { return attachmentValue(gl, GL_DEPTH_ATTACHMENT, what); };
@@ -92,7 +92,7 @@ static DepthSource describeDepth(const Gl& gl, GLuint host)
 }
 
 /// The copy in this format, of at least this size, attached to our framebuffer.
-static void makeCopy(NacreContextImpl& context, GLuint ours, const DepthFormat& format, int width, int height)
+static void makeCopy(Context& context, GLuint ours, const DepthFormat& format, int width, int height)
 {
     const Gl& gl = context.gl;
     DepthCopy& copy = context.depthCopy;
@@ -101,7 +101,8 @@ static void makeCopy(NacreContextImpl& context, GLuint ours, const DepthFormat& 
         copy.format = format.internal, copy.width = width, copy.height = height;
         gl.GenTextures(1, &copy.texture);
         bindTexture(gl, 0, GL_TEXTURE_2D, copy.texture);
-        setNearest(gl, GL_TEXTURE_2D);
+        gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+        gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
         gl.TexImage2D(GL_TEXTURE_2D, 0, GLint(format.internal), width, height, 0, format.layout, format.type, nullptr);
     }
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, ours);
@@ -109,7 +110,7 @@ static void makeCopy(NacreContextImpl& context, GLuint ours, const DepthFormat& 
 }
 
 /// Of one sample, in desktop GL: it converts between formats, and stencil is left behind.
-static void copyConverted(NacreContextImpl& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
+static void copyConverted(Context& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
 {
     makeCopy(context, ours, likelyFormat({.depthBits = source.depthBits, .real = source.real}), x1, y1);
     bindTexture(context.gl, 0, GL_TEXTURE_2D, context.depthCopy.texture);
@@ -118,7 +119,7 @@ static void copyConverted(NacreContextImpl& context, GLuint ours, const DepthSou
 
 /// Of several, and in ES: a blit, which demands the same format on both sides, and GL does not tell the host's. It is found by trying,
 /// with one pixel, once for each depth buffer. In ES the pixels of a multisampled one must keep their places.
-static bool copySameFormat(NacreContextImpl& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
+static bool copySameFormat(Context& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
 {
     const Gl& gl = context.gl;
     DepthCopy& copy = context.depthCopy;
@@ -140,7 +141,7 @@ static bool copySameFormat(NacreContextImpl& context, GLuint ours, const DepthSo
     return true;
 }
 
-Failure attachHostDepth(NacreContextImpl& context, GLuint host, GLuint ours, const float viewport[4])
+Failure attachHostDepth(Context& context, GLuint host, GLuint ours, const float viewport[4])
 {
     const Gl& gl = context.gl;
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, host);
@@ -165,7 +166,7 @@ Failure attachHostDepth(NacreContextImpl& context, GLuint host, GLuint ours, con
 
 void detachHostDepth(const Gl& gl) { gl.FramebufferRenderbuffer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, 0); }
 
-void freeDepthCopy(NacreContextImpl& context)
+void freeDepthCopy(Context& context)
 {
     context.gl.DeleteTextures(1, &context.depthCopy.texture);
     context.depthCopy = {};

@@ -5,7 +5,7 @@
 #include "shader_sources.h"
 #include "splats/blend.h"
 
-#include <utility>
+#include <cstring>
 
 namespace nacre {
 
@@ -18,11 +18,19 @@ std::string define(const char* name, float value)
     return std::string("#define ") + name + ' ' + text + '\n';
 }
 
-std::string commonDefines(const NacreAssetImpl& asset, int glslVersion)
+GLint Program::at(const char* uniform) const
 {
-    return "#version " + std::to_string(glslVersion) + " core\n" + define("WIDTH", asset.width) + define("ROWS", asset.rows) +
-           define("ROW_SHIFT", asset.rowShift) + define("VISIBILITY_SIZE", asset.visibilitySize) + define("VISIBILITY_SLOPE", kVisibilitySlope) +
-           define("MIN_ALPHA", kMinAlpha) + define("MAX_ALPHA", kMaxAlpha) + shaders::kLayoutGlsl;
+    for (const auto& [name, location] : locations_)
+        if (name == uniform || std::strcmp(name, uniform) == 0) return location;
+    locations_.emplace_back(uniform, gl_.GetUniformLocation(name_, uniform));
+    return locations_.back().second;
+}
+
+/// What every shader knows: where splats sit, how they blend.
+static std::string commonHead(const Gl& gl, bool compute)
+{
+    return glslHeader(gl, compute) + define("VISIBILITY_SLOPE", kVisibilitySlope) + define("MIN_ALPHA", kMinAlpha) + define("MAX_ALPHA", kMaxAlpha) +
+           shaders::kLayoutGlsl;
 }
 
 static std::string firstLine(const std::string& log) { return log.substr(0, log.find('\n')); }
@@ -46,84 +54,61 @@ static GLuint compileStage(const Gl& gl, GLenum stage, const std::string& source
 namespace {
 struct Stage {
     GLenum kind;
-    const std::string& source;
+    std::string source;
 };
 } // namespace
 
-static Failure link(const Gl& gl, const char* what, std::initializer_list<Stage> stages, std::initializer_list<const char*> samplers, Program* p)
+static Failure link(const Gl& gl, const char* what, std::initializer_list<Stage> stages, std::initializer_list<const char*> samplers, GLuint* program)
 {
     std::string log;
     GLint good = 1;
-    p->name = gl.CreateProgram();
+    const GLuint name = gl.CreateProgram();
     for (const Stage& stage : stages) {
         const GLuint shader = good ? compileStage(gl, stage.kind, stage.source, &log) : 0;
         good = shader != 0;
-        if (good) gl.AttachShader(p->name, shader);
+        if (good) gl.AttachShader(name, shader);
         gl.DeleteShader(shader); // goes with the program
     }
     if (good) {
-        gl.LinkProgram(p->name);
-        gl.GetProgramiv(p->name, GL_LINK_STATUS, &good);
+        gl.LinkProgram(name);
+        gl.GetProgramiv(name, GL_LINK_STATUS, &good);
         char buffer[512] = "";
-        if (!good) gl.GetProgramInfoLog(p->name, sizeof buffer, nullptr, buffer), log = buffer;
+        if (!good) gl.GetProgramInfoLog(name, sizeof buffer, nullptr, buffer), log = buffer;
     }
     if (!good) {
-        gl.DeleteProgram(std::exchange(p->name, 0));
+        gl.DeleteProgram(name);
         return {NACRE_ERROR_GL, std::string("the ") + what + " program failed to compile: " + firstLine(log)};
     }
-
-    const auto at = [&](const char* uniform) { return gl.GetUniformLocation(p->name, uniform); };
-    p->lightCount = at("uLightCount");
-    p->worldScale2 = at("uWorldScale2");
-    p->cameraAsset = at("uCameraAsset");
-    p->viewFromAsset = at("uViewFromAsset");
-    p->viewTranslation = at("uViewTranslation");
-    p->clipFromView = at("uClipFromView");
-    p->viewport = at("uViewport");
-    p->jacobianLimit = at("uJacobianLimit");
-    p->nearW = at("uNear");
-    p->nearPlane = at("uNearPlane");
-    p->lowPass = at("uLowPass");
-    p->maxColor = at("uMaxColor");
-    p->firstLight = at("uFirstLight");
-    p->lanes = at("uLanes");
-    p->oneLoop = at("uOneLoop");
-    p->depthOrigin = at("uDepthOrigin");
-    p->depthUnit = at("uDepthUnit");
-    p->layerMax = at("uLayerMax");
-    p->eye = at("uEye");
-    p->rayOrigin = at("uRayOrigin");
-    p->rayRight = at("uRayRight");
-    p->rayUp = at("uRayUp");
-    p->inverseSize = at("uInverseSize");
-    gl.UseProgram(p->name);
+    gl.UseProgram(name);
     int unit = 0;
-    for (const char* sampler : samplers) gl.Uniform1i(at(sampler), unit++);
+    for (const char* sampler : samplers) gl.Uniform1i(gl.GetUniformLocation(name, sampler), unit++);
+    *program = name;
     return {};
 }
 
-Failure compile(const Gl& gl, const char* what, const std::string& vertexSource, const std::string& fragmentSource,
-                std::initializer_list<const char*> samplers, Program* program)
+static Failure find(Context& context, const char* what, std::initializer_list<Stage> stages, std::initializer_list<const char*> samplers, const Program** program)
 {
-    return link(gl, what, {{GL_VERTEX_SHADER, vertexSource}, {GL_FRAGMENT_SHADER, fragmentSource}}, samplers, program);
+    std::string key;
+    for (const Stage& stage : stages) key += stage.source;
+    std::unique_ptr<Program>& known = context.programs[key];
+    if (!known) {
+        GLuint name = 0;
+        if (Failure f = link(context.gl, what, stages, samplers, &name)) return f;
+        known = std::make_unique<Program>(context.gl, name);
+    }
+    *program = known.get();
+    return {};
 }
 
-Failure compileCompute(const Gl& gl, const char* what, const std::string& source, std::initializer_list<const char*> samplers, Program* program)
+Failure findProgram(Context& context, const ProgramSource& source, const Program** program)
 {
-    return link(gl, what, {{GL_COMPUTE_SHADER, source}}, samplers, program);
+    const std::string head = commonHead(context.gl, false);
+    return find(context, source.what, {{GL_VERTEX_SHADER, head + source.vertex}, {GL_FRAGMENT_SHADER, head + source.fragment}}, source.samplers, program);
 }
 
-void setSplatUniforms(const NacreAssetImpl& asset, const Program& p, const DrawFrame& frame)
+Failure findComputeProgram(Context& context, const char* what, const std::string& source, std::initializer_list<const char*> samplers, const Program** program)
 {
-    const Gl& gl = asset.context->gl;
-    gl.UniformMatrix3fv(p.viewFromAsset, 1, GL_FALSE, &frame.viewFromAsset[0][0]);
-    gl.Uniform3f(p.viewTranslation, frame.viewTranslation.x, frame.viewTranslation.y, frame.viewTranslation.z);
-    gl.UniformMatrix4fv(p.clipFromView, 1, GL_FALSE, &frame.clipFromView[0][0]);
-    gl.Uniform2f(p.viewport, frame.viewport.x, frame.viewport.y);
-    gl.Uniform1f(p.jacobianLimit, 1.0f + kJacobianMargin);
-    gl.Uniform1f(p.nearW, frame.nearW);
-    gl.Uniform4f(p.nearPlane, frame.nearPlane.x, frame.nearPlane.y, frame.nearPlane.z, frame.nearPlane.w);
-    gl.Uniform1f(p.lowPass, asset.lowPassVariance);
+    return find(context, what, {{GL_COMPUTE_SHADER, commonHead(context.gl, true) + source}}, samplers, program);
 }
 
 } // namespace nacre

@@ -1,34 +1,58 @@
-// Programs compiled for one asset: sizes and channels are #defines, so what an asset lacks is not in its code.
+// Programs, compiled once a context whatever the number of assets: sizes are uniforms, only channels and features are #defines, so what a
+// scene lacks is not in its code.
 #pragma once
 
-#include "asset.h"
+#include "context.h"
+
+#include <glm/glm.hpp>
 
 #include <initializer_list>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace nacre {
 
-/// A program and the uniforms that change per draw (-1 where a program has no such uniform).
-struct Program {
-    GLuint name = 0;
-    GLint lightCount = -1, lanes = -1, oneLoop = -1, firstLight = -1, worldScale2 = -1, cameraAsset = -1;
-    GLint viewFromAsset = -1, viewTranslation = -1, clipFromView = -1, viewport = -1, jacobianLimit = -1, nearW = -1, lowPass = -1,
-          nearPlane = -1, maxColor = -1, depthOrigin = -1, depthUnit = -1, layerMax = -1, inverseSize = -1, eye = -1, rayOrigin = -1, rayRight = -1, rayUp = -1;
+class Program {
+public:
+    Program(const Gl& gl, GLuint name) : gl_(gl), name_(name) {}
+    ~Program() { gl_.DeleteProgram(name_); }
+    Program(const Program&) = delete;
+    Program& operator=(const Program&) = delete;
+
+    /// Makes it current; the setters below need that.
+    void use() const { gl_.UseProgram(name_); }
+    // A uniform that this variant lacks is passed over, as GL does. Names are literals.
+    void set(const char* uniform, int v) const { gl_.Uniform1i(at(uniform), v); }
+    void set(const char* uniform, float v) const { gl_.Uniform1f(at(uniform), v); }
+    void set(const char* uniform, const glm::vec2& v) const { gl_.Uniform2f(at(uniform), v.x, v.y); }
+    void set(const char* uniform, const glm::vec3& v) const { gl_.Uniform3f(at(uniform), v.x, v.y, v.z); }
+    void set(const char* uniform, const glm::vec4& v) const { gl_.Uniform4f(at(uniform), v.x, v.y, v.z, v.w); }
+    void set(const char* uniform, const glm::mat3& m) const { gl_.UniformMatrix3fv(at(uniform), 1, GL_FALSE, &m[0][0]); }
+    void set(const char* uniform, const glm::mat4& m) const { gl_.UniformMatrix4fv(at(uniform), 1, GL_FALSE, &m[0][0]); }
+    void set(const char* uniform, int count, const int* values) const { gl_.Uniform1iv(at(uniform), count, values); }
+    void set(const char* uniform, int count, const glm::mat4* m) const { gl_.UniformMatrix4fv(at(uniform), count, GL_FALSE, &m[0][0][0]); }
+
+private:
+    GLint at(const char* uniform) const;
+
+    const Gl& gl_;
+    const GLuint name_;
+    mutable std::vector<std::pair<const char*, GLint>> locations_;
 };
 
-/// #version and what every program of this asset knows: where splats sit, how they blend.
-std::string commonDefines(const NacreAssetImpl& asset, int glslVersion = 330);
 /// One more #define.
 std::string define(const char* name, int value);
 std::string define(const char* name, float value);
 
-/// Sampler `samplers[i]` reads texture unit i.
-Failure compile(const Gl& gl, const char* what, const std::string& vertexSource, const std::string& fragmentSource,
-                std::initializer_list<const char*> samplers, Program* program);
+struct ProgramSource {
+    const char* what; // for messages
+    std::string vertex, fragment;                // without the header and layout.glsl, which all have
+    std::initializer_list<const char*> samplers; // samplers[i] reads texture unit i
+};
+/// Compiles, or finds what was compiled before. Leaves a program that is compiled current.
+Failure findProgram(Context& context, const ProgramSource& source, const Program** program);
 /// The same of a compute shader; only if gl.hasCompute().
-Failure compileCompute(const Gl& gl, const char* what, const std::string& source, std::initializer_list<const char*> samplers, Program* program);
-
-/// Uniforms of splat.vert.glsl.
-void setSplatUniforms(const NacreAssetImpl& asset, const Program& program, const DrawFrame& frame);
+Failure findComputeProgram(Context& context, const char* what, const std::string& source, std::initializer_list<const char*> samplers, const Program** program);
 
 } // namespace nacre

@@ -1,56 +1,44 @@
 // sss on the GPU (sss.h and sss_network.h have the equations):
 //   light     per splat and light: scattered light per unit of subsurfaceness, incident share. Network and visibility map. From GL 4.3
-//             on in a compute shader, which has the weights in shared memory.
-//   sum       per splat: scattered light of all lights
-//   G-buffer  surface and incident shares of up to eleven lights, blended over the splats; 24 further lights per further pass
-//   resolve   per pixel: GGX under every light, into the host's frame; of several passes into a sum, and that into the host's frame
-// light and sum run only when lights, camera or edits have changed in any bit.
+//             on in a compute shader, which has the weights in shared memory.                   of a view, by groups of lights
+//   sum       per splat: scattered light of all lights, into the draw list                      of a view
+//   gather    surface and incident shares into the draw list, from where splats are blended into the view's G-buffer (gbuffer.cpp)
+// Each runs only when its inputs have changed in any bit.
 //
 // Textures beyond those of every model:
-//   geometry    slots: normal+roughness, base colour+metalness, subsurfaceness, subsurfaceness * residual tint
-//   visibility  R8       array: octahedral maps, one long row
-//   weights     RGBA32F  of the network, see packNetwork
-//   first       RGBA16F  16 slots: first layer of the network without light and view
-//   lit         RGBA32F  light pass: array, see litTexel
-//   scattered   RGBA32F  sum pass
-//   layers, further      RGBA16F  arrays of the size of the viewport; RGBA32F where light is too bright for halves and the host's target not
-//   summed      RGBA32F  of that size, with more than eleven lights
+//   asset      geometry    slots: normal+roughness, base colour+metalness, subsurfaceness, subsurfaceness * residual tint
+//              visibility  R8       array: octahedral maps, one long row
+//              weights     RGBA32F  of the network, see packNetwork
+//              first       RGBA16F  16 slots: first layer of the network without light and view
+//   instance   geometry    its own, when it is edited
+//   view       lit         RGBA32F  light pass: arrays, see litTexel, one for each kBatchLights lights
 // first and weights exist only with a network.
 #include "appearance/sss/sss.h"
 #include "appearance/sss/sss_asset.h"
 #include "appearance/sss/sss_edit.h"
 #include "base/half.h"
+#include "draw_list.h"
 #include "gl_state.h"
-#include "host_depth.h"
-#include "program.h"
+#include "instance.h"
 #include "shader_sources.h"
-#include "textures.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 namespace nacre {
 
 namespace {
 
-enum SssPass { kLightPass, kSumPass };
 enum SssSlot { kNormalRoughness = kCommonSlots, kBaseMetalness, kSubsurfaceSlot, kScatterTint, kSssSlots };
-constexpr int kMostLayers = 8;                       // of a pass: what GL 3.3 guarantees
-constexpr int kSurfaceLayers = 5;                    // the fifth has room for two lights
-constexpr int kFirstLights = 2 + 3 * (kMostLayers - kSurfaceLayers), kFurtherLights = 3 * kMostLayers;
 constexpr int kWeightsWidth = 1024;
 
 // The light pass takes lights in groups, so that each weight is fetched once for all lights of a group: as few groups as kMostLanes allow,
 // and all of one size, as small as so many groups can be.
-constexpr int kMostLanes = kLightsPerSlot;
+constexpr int kMostLanes = 4;
 constexpr int kWorkgroup = 64;                       // splats of the compute shader
 int groupsOf(int lights) { return std::max(1, (lights + kMostLanes - 1) / kMostLanes); }
 int lanesOf(int lights) { return std::max(1, (lights + groupsOf(lights) - 1) / groupsOf(lights)); }
-
-int layersFor(int lights) { return kSurfaceLayers + (std::max(lights - 2, 0) + 2) / 3; }
-int furtherLayersFor(int lights) { return (lights + 2) / 3; }
 
 // Where the layers of the network lie in the weight texture (sss_network.glsl).
 constexpr int kAtLight = 0;
@@ -84,471 +72,469 @@ std::vector<float> packNetwork(const float* w)
     return texels;
 }
 
-/// Viewport-sized layers that splats are blended into.
-struct LayerTarget {
-    GLuint texture = 0, framebuffer = 0;
-    GLenum format = GL_RGBA16F;
-    int width = 0, height = 0, layers = 0;
-
-    uint64_t bytes() const { return (format == GL_RGBA32F ? 16 : 8) * uint64_t(width) * uint64_t(height) * uint64_t(layers); }
-};
-
-class GpuSss final : public GpuModel {
+class SssAsset final : public AssetModel {
 public:
-    using GpuModel::GpuModel;
-    ~GpuSss() override;
+    explicit SssAsset(Asset& asset) : asset_(asset) {}
     Failure checkLayout(const SplatAsset& source) override;
     int mostSlots() const override { return kSssHidden1 / 4; }
     int geometrySlots() const override { return int(kSssSlots) - int(kCommonSlots); }
-    Failure upload(const SplatAsset& source) override;
-    Failure compilePrograms() override;
+    Failure upload(const SplatAsset& source, UploadQueue& queue) override;
+    bool shadesPixels() const override { return true; }
+    std::unique_ptr<InstanceModel> makeInstance(Instance& instance) override;
     Failure compileAhead(int mostLights) override;
-    Failure setEdits(std::span<const SplatEdit> edits) override;
-    Failure relight(const DrawFrame& frame, bool lightsChanged) override;
-    Failure raster(const DrawFrame& frame, bool depthTest, GlStateGuard& state) override;
+
+    bool computes() const { return hasNetwork && asset_.context.gl.hasCompute(); } // without network there is nothing to share
+    Failure lightProgram(int lanes, bool occluded, const Program** program) const;
+    Failure sumProgram(const Program** program) const;
+    Failure surfaceProgram(const Program** program) const;
+    Failure incidentProgram(int layers, const Program** program) const;
+
+    std::vector<SssMaterial> baked;   // as in the file
+    bool hasVisibility = false, hasNetwork = false, hasShare = false;
+    float inverseSize = 0;
+    Texture visibility, weights, first;
 
 private:
-    /// Splats into layers, layers into the host's frame. Compiled when a draw first needs so many layers.
-    struct RasterPrograms {
-        Program splat, resolve;
-    };
+    void uploadNetwork(const SssChannels& channels, UploadQueue& queue);
 
-    const Gl& gl() const { return asset_.context->gl; }
-    bool computes() const { return hasNetwork_ && gl().hasCompute(); } // without network there is nothing to share
-    void uploadMaterials();
-    void uploadNetwork(const SssChannels& channels);
-    void freeLit();
-    Failure growLit(int lights);
-    void dispatchLights(int lights) const;
-    void drawLights(int lights) const;
-    void runLightPass(const Program& program, const glm::vec3& camera) const;
-    void runSumPass() const;
-    Failure lightProgram(int lanes, const Program** program);
-    Failure composeProgram();
-    Failure rasterPrograms(bool further, int layers, RasterPrograms** programs);
-    Failure growLayers(LayerTarget& target, GLenum format, int width, int height, int layers);
-    bool tooBrightForHalves() const;
-    void freeLayers(LayerTarget& target);
-    void clearLayers(const LayerTarget& target, int layers) const;
-    Failure drawLayers(LayerTarget& target, const Program& program, const DrawFrame& frame, int layers, int firstLight, bool depthTest, GlStateGuard& state);
-    void resolve(const Program& program, const DrawFrame& frame, int firstLight, const float viewport[4], float maxColor) const;
-    void compose(float maxColor) const;
-
-    std::vector<SssMaterial> baked_;   // as in the file
-    std::vector<SplatEdit> edits_;
-    float inverseSize_ = 0;
-    bool hasVisibility_ = false, hasNetwork_ = false, hasShare_ = false, edited_ = false, seen_ = false;
-    GLuint visibility_ = 0, weights_ = 0, first_ = 0, lit_ = 0, scattered_ = 0;
-    GLuint litFramebuffer_ = 0, sumFramebuffer_ = 0;
-    LayerTarget layers_, further_, summed_;
-    Program lightPass_[kMostLanes + 1], sumPass_, compose_; // by lanes, compiled when first needed, as is compose
-    RasterPrograms programs_[2][kMostLayers + 1]{};
-    glm::vec3 seenFrom_{0};
-    int litGroups_ = 0;                // room in lit
-    float depthOrigin_ = 0, depthUnit_ = 1; // of the last G-buffer pass
-    float mostScatter_ = 0;            // largest factor of scattered light among the materials
+    Asset& asset_;
 };
 
-GpuSss::~GpuSss()
+class SssInstance final : public InstanceModel {
+public:
+    SssInstance(Instance& instance, const SssAsset& model) : instance_(instance), model_(model) { mostScatter_ = mostScatter(model.baked); }
+    Failure setEdits(std::span<const SplatEdit> edits) override;
+    const Texture& geometry() const override { return edited_ ? edited_ : instance_.asset->geometry; }
+    Failure relight(RelightBudget& budget, bool* done) override;
+    float brightest() const override;
+    std::unique_ptr<ViewModel> makeView() override;
+
+private:
+    static float mostScatter(const std::vector<SssMaterial>& materials);
+    void uploadMaterials(const std::vector<SssMaterial>& materials) const;
+
+    Instance& instance_;
+    const SssAsset& model_;
+    std::vector<SplatEdit> edits_;
+    bool outdated_ = false;
+    Texture edited_;           // all slots of the geometry, with edits
+    float mostScatter_ = 0;    // largest factor of scattered light among the materials
+};
+
+class SssView final : public ViewModel {
+public:
+    SssView(Instance& instance, const SssAsset& model) : instance_(instance), model_(model) {}
+    Failure relight(const InstanceFrame& frame, DrawList& list, const ListRows& rows, RelightBudget& budget, bool* done) override;
+    Failure gather(const InstanceFrame& frame, DrawList& list, const ListRows& rows, std::span<const int> viewLights) override;
+
+private:
+    /// Lights of one group of lanes: what it was made from, and in which draw.
+    struct Group {
+        uint64_t lights = 0, draw = 0;
+        glm::vec4 camera{0};
+        bool occluded = false;
+    };
+    /// Results of the light pass for kBatchLights lights.
+    struct Batch {
+        Texture lit;
+        Framebuffer framebuffer;
+        int lights = 0, lanes = 0;
+        std::vector<Group> made;
+    };
+    Group wanted(size_t batch, int group, const glm::vec4& camera) const;
+    bool outdated(size_t batch, int group, const glm::vec4& camera) const;
+    Failure growBatches();
+    Failure runGroups(size_t batch, int first, int count, const glm::vec4& camera);
+    void dispatch(const Program& program, const Texture& lit, int first, int count) const;
+    Failure relightGroups(const glm::vec4& camera, RelightBudget& budget, bool* done);
+    Failure sum(DrawList& list, const ListRows& rows);
+    Failure gatherSurface(const InstanceFrame& frame, DrawList& list, const ListRows& rows);
+    Failure gatherIncident(DrawList& list, const ListRows& rows, std::span<const int> viewLights);
+
+    Instance& instance_;
+    const SssAsset& model_;
+    std::vector<Batch> batches_;
+    uint64_t litRevision_ = 1;          // of what light passes have made
+    uint64_t summedLit_ = 0, summedLooks_ = 0, summedList_ = 0, summedIn_ = 0;
+    // of what gather has written
+    uint64_t gatheredLit_ = 0, gatheredLooks_ = 0, gatheredList_ = 0, surfacesIn_ = 0, incidentsIn_ = 0;
+    glm::mat3 gatheredPlace_{0};
+    std::vector<int> gatheredLights_;
+};
+
+// ---- asset
+
+Failure SssAsset::checkLayout(const SplatAsset& source)
 {
-    freeLayers(layers_), freeLayers(further_), freeLayers(summed_);
-    const GLuint textures[] = {visibility_, weights_, first_, lit_, scattered_}, framebuffers[] = {litFramebuffer_, sumFramebuffer_}; // GL ignores 0
-    gl().DeleteFramebuffers(GLsizei(std::size(framebuffers)), framebuffers);
-    gl().DeleteTextures(GLsizei(std::size(textures)), textures);
-    for (const Program& p : lightPass_) gl().DeleteProgram(p.name);
-    gl().DeleteProgram(sumPass_.name), gl().DeleteProgram(compose_.name);
-    for (const auto& kind : programs_)
-        for (const RasterPrograms& p : kind) gl().DeleteProgram(p.splat.name), gl().DeleteProgram(p.resolve.name);
+    hasVisibility = source.find("visibility") != nullptr;
+    hasNetwork = source.find("network") != nullptr;
+    hasShare = SssChannels(source).shares();
+    return fitLongRow(asset_.context.gl, asset_.grid, "visibility", asset_.grid.count, asset_.visibilitySize * asset_.visibilitySize);
 }
 
-Failure GpuSss::checkLayout(const SplatAsset& source)
+void SssAsset::uploadNetwork(const SssChannels& channels, UploadQueue& queue)
 {
-    hasVisibility_ = source.find("visibility") != nullptr;
-    hasNetwork_ = source.find("network") != nullptr;
-    hasShare_ = SssChannels(source).shares();
-    return fitLongRow(asset_, "visibility", asset_.count, asset_.visibilitySize * asset_.visibilitySize);
-}
-
-void GpuSss::uploadMaterials()
-{
-    std::vector<SssMaterial> materials = baked_;
-    mostScatter_ = 0;
-    for (size_t g = 0; g < materials.size(); ++g) {
-        SssMaterial& m = materials[g];
-        applyEdits(edits_, asset_.positions[g], m);
-        mostScatter_ = std::max(mostScatter_, m.subsurface * std::max({m.residual[0], m.residual[1], m.residual[2]}));
-    }
-    std::vector<float> staging;
-    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-    uploadSlot(asset_, staging, kMeanOpacity, [&](size_t g, float* t) {
-        const glm::vec3& p = asset_.positions[g];
-        t[0] = p.x, t[1] = p.y, t[2] = p.z, t[3] = materials[g].opacity;
-    });
-    uploadSlot(asset_, staging, kNormalRoughness, [&](size_t g, float* t) { std::copy_n(materials[g].normal, 3, t), t[3] = materials[g].roughness; });
-    uploadSlot(asset_, staging, kBaseMetalness, [&](size_t g, float* t) { std::copy_n(materials[g].base, 3, t), t[3] = materials[g].metalness; });
-    uploadSlot(asset_, staging, kSubsurfaceSlot, [&](size_t g, float* t) { t[0] = materials[g].subsurface; });
-    uploadSlot(asset_, staging, kScatterTint, [&](size_t g, float* t) {
-        for (int c = 0; c < 3; ++c) t[c] = materials[g].subsurface * materials[g].residual[c];
-    });
-}
-
-void GpuSss::uploadNetwork(const SssChannels& channels)
-{
+    Context& context = asset_.context;
     const std::vector<float> packed = packNetwork(channels.network());
     const int height = int(packed.size()) / (4 * kWeightsWidth);
-    gl().GenTextures(1, &weights_);
-    bindTexture(gl(), 0, GL_TEXTURE_2D, weights_);
-    setNearest(gl(), GL_TEXTURE_2D);
-    gl().TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, kWeightsWidth, height, 0, GL_RGBA, GL_FLOAT, packed.data());
-    asset_.gpuBytes += packed.size() * sizeof(float);
-    inverseSize_ = channels.network()[kSssFrame + 3];
+    weights = Texture(context, GL_RGBA32F, kWeightsWidth, height);
+    context.gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, kWeightsWidth, height, GL_RGBA, GL_FLOAT, packed.data());
+    inverseSize = channels.network()[kSssFrame + 3];
 
-    std::vector<std::array<float, kSssHidden1>> values(asset_.count);
-    for (size_t g = 0; g < asset_.count; ++g) channels.firstLayer(g, values[g].data());
-    std::vector<uint16_t> staging;
-    first_ = createSlotTexture(asset_, GL_RGBA16F, kSssHidden1 / 4);
+    first = slotTexture(context, asset_.grid, GL_RGBA16F, kSssHidden1 / 4);
     for (int j = 0; j < kSssHidden1 / 4; ++j)
-        uploadSlot(asset_, staging, j, [&](size_t g, uint16_t* t) {
-            for (int c = 0; c < 4; ++c) t[c] = halfFromFloat(std::clamp(values[g][size_t(4 * j + c)], -kMaxHalf, kMaxHalf));
+        queueSlot<uint16_t>(queue, context.gl, asset_.grid, first, j, [this, j](size_t g, uint16_t* t) {
+            float values[kSssHidden1];
+            SssChannels(*asset_.source).firstLayer(g, values);
+            for (int c = 0; c < 4; ++c) t[c] = halfFromFloat(std::clamp(values[4 * j + c], -kMaxHalf, kMaxHalf));
         });
 }
 
-Failure GpuSss::upload(const SplatAsset& source)
+void copyMaterialSlot(int slot, const SssMaterial& m, float* t)
 {
-    const SssChannels channels(source);
-    for (size_t g = 0; g < asset_.count; ++g) baked_.push_back(channels.material(g));
-    uploadMaterials();
-    if (const Channel* visibility = source.find("visibility")) uploadVisibility(asset_, visibility_, *visibility);
-    if (hasNetwork_) uploadNetwork(channels);
-    scattered_ = createSlotTexture(asset_, GL_RGBA32F, 1);
-    sumFramebuffer_ = createTarget(gl(), scattered_);
-    if (gl().CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-        return {NACRE_ERROR_GL, "this GPU cannot render into RGBA32F textures, which relighting needs"};
-    gl().GenFramebuffers(1, &litFramebuffer_); // its texture is made when the number of lights is known
-    return {};
-}
-
-Failure GpuSss::compilePrograms()
-{
-    const std::string common = commonDefines(asset_);
-    return compile(gl(), "sum", common + shaders::kFullscreenVertGlsl, common + shaders::kPassGlsl + shaders::kSssSumFragGlsl, {"uGeometry", "uLit"}, &sumPass_);
-}
-
-Failure GpuSss::lightProgram(int lanes, const Program** program)
-{
-    *program = &lightPass_[lanes];
-    if ((*program)->name) return {};
-    const std::string common = define("LANES", lanes) + define("COMPUTE", int(computes())) + define("GROUP", kWorkgroup) +
-                               define("HAS_VISIBILITY", int(hasVisibility_)) +
-                               define("HAS_NETWORK", int(hasNetwork_)) + define("HAS_SHARE", int(hasShare_)) + define("H1", kSssHidden1) +
-                               define("H2", kSssHidden2) + define("H3", kSssHidden3) + define("HS", kSssHiddenShare) + define("AT_LIGHT", kAtLight) +
-                               define("AT_SECOND", kAtSecond) + define("AT_THIRD", kAtThird) + define("AT_SHARE", kAtShare) + define("AT_OUT", kAtOut) +
-                               define("AT_END", kWeightTexels) + define("LEAK", kSssLeak) + shaders::kLightGlsl + shaders::kVisibilityMapGlsl +
-                               (hasNetwork_ ? shaders::kSssNetworkGlsl : "") + shaders::kSssLightGlsl;
-    const auto samplers = {"uGeometry", "uLights", "uFirst", "uWeights", "uVisibility"};
-    if (computes()) return compileCompute(gl(), "light", commonDefines(asset_, 430) + common + shaders::kSssLightCompGlsl, samplers, &lightPass_[lanes]);
-    return compile(gl(), "light", commonDefines(asset_) + shaders::kFullscreenVertGlsl,
-                   commonDefines(asset_) + shaders::kPassGlsl + common + shaders::kSssLightFragGlsl, samplers, &lightPass_[lanes]);
-}
-
-Failure GpuSss::rasterPrograms(bool further, int layers, RasterPrograms** programs)
-{
-    *programs = &programs_[further][layers];
-    if ((*programs)->resolve.name) return {};
-    const std::string common = commonDefines(asset_) + define("LAYERS", layers) + define("EXTRA", int(further)) +
-                               define("LIGHTS", further ? 3 * layers : 2 + 3 * (layers - kSurfaceLayers)) + define("MIN_ROUGHNESS", kSssMinRoughness) +
-                               define("DIELECTRIC_F0", kSssDielectricF0) + define("MIN_PIXEL_ALPHA", kSssMinAlpha) + define("MIN_NORMAL", kSssMinLength);
-    if (Failure f = compile(gl(), "G-buffer", common + shaders::kProjectGlsl + shaders::kSssGbufferVertGlsl, common + shaders::kSssGbufferFragGlsl,
-                            {"uGeometry", "uOrder", "uScattered", "uLit"}, &(*programs)->splat))
-        return f;
-    return compile(gl(), "resolve", common + shaders::kFullscreenVertGlsl, common + shaders::kLightGlsl + shaders::kSssGlsl + shaders::kSssResolveFragGlsl,
-                   {"uLayers", "uFurther", "uLights"}, &(*programs)->resolve);
-}
-
-Failure GpuSss::composeProgram()
-{
-    if (compose_.name) return {};
-    const std::string common = commonDefines(asset_);
-    return compile(gl(), "compose", common + shaders::kFullscreenVertGlsl, common + shaders::kSssComposeFragGlsl, {"uSum"}, &compose_);
-}
-
-Failure GpuSss::compileAhead(int mostLights)
-{
-    const Program* light = nullptr;
-    RasterPrograms* raster = nullptr;
-    for (int lights = 0; lights <= mostLights; ++lights) {
-        if (Failure f = lightProgram(lanesOf(lights), &light)) return f;
-        if (Failure f = rasterPrograms(false, layersFor(std::min(lights, kFirstLights)), &raster)) return f;
-        const int further = std::min(lights - kFirstLights, kFurtherLights);
-        if (further <= 0) continue;
-        if (Failure f = rasterPrograms(true, furtherLayersFor(further), &raster)) return f;
-        if (Failure f = composeProgram()) return f;
+    switch (slot) {
+    case kNormalRoughness: std::copy_n(m.normal, 3, t), t[3] = m.roughness; break;
+    case kBaseMetalness: std::copy_n(m.base, 3, t), t[3] = m.metalness; break;
+    case kSubsurfaceSlot: t[0] = m.subsurface; break;
+    default:
+        for (int c = 0; c < 3; ++c) t[c] = m.subsurface * m.residual[c];
     }
+}
+
+Failure SssAsset::upload(const SplatAsset& source, UploadQueue& queue)
+{
+    Context& context = asset_.context;
+    const SssChannels channels(source);
+    for (size_t g = 0; g < asset_.grid.count; ++g) baked.push_back(channels.material(g));
+    for (int slot = kNormalRoughness; slot < kSssSlots; ++slot)
+        queueSlot<float>(queue, context.gl, asset_.grid, asset_.geometry, slot, [this, slot](size_t g, float* t) { copyMaterialSlot(slot, baked[g], t); });
+    if (const Channel* maps = source.find("visibility")) queueVisibility(queue, context, asset_.grid, visibility, *maps);
+    if (hasNetwork) uploadNetwork(channels, queue);
     return {};
 }
 
-Failure GpuSss::setEdits(std::span<const SplatEdit> edits)
+Failure SssAsset::lightProgram(int lanes, bool occluded, const Program** program) const
+{
+    const std::string common = define("LANES", lanes) + define("COMPUTE", int(computes())) + define("GROUP", kWorkgroup) +
+                               define("VISIBILITY_SIZE", asset_.visibilitySize) + define("HAS_VISIBILITY", int(hasVisibility)) +
+                               define("HAS_OCCLUSION", int(occluded)) + define("HAS_NETWORK", int(hasNetwork)) + define("HAS_SHARE", int(hasShare)) +
+                               define("H1", kSssHidden1) + define("H2", kSssHidden2) + define("H3", kSssHidden3) + define("HS", kSssHiddenShare) +
+                               define("AT_LIGHT", kAtLight) + define("AT_SECOND", kAtSecond) + define("AT_THIRD", kAtThird) + define("AT_SHARE", kAtShare) +
+                               define("AT_OUT", kAtOut) + define("AT_END", kWeightTexels) + define("LEAK", kSssLeak) + shaders::kLightGlsl +
+                               shaders::kFetchLightGlsl + shaders::kVisibilityMapGlsl + (hasNetwork ? shaders::kSssNetworkGlsl : "") + shaders::kSssLightGlsl;
+    const auto samplers = {"uGeometry", "uLights", "uFirst", "uWeights", "uVisibility", "uOcclusion"};
+    if (computes()) return findComputeProgram(asset_.context, "light", common + shaders::kSssLightCompGlsl, samplers, program);
+    return findProgram(asset_.context, {"light", shaders::kFullscreenVertGlsl, shaders::kPassGlsl + common + shaders::kSssLightFragGlsl, samplers}, program);
+}
+
+Failure SssAsset::sumProgram(const Program** program) const
+{
+    return findProgram(asset_.context, {"sum", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kSssSumFragGlsl, {"uGeometry", "uLit"}}, program);
+}
+
+Failure SssAsset::surfaceProgram(const Program** program) const
+{
+    return findProgram(asset_.context, {"surface", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kSssSurfaceFragGlsl, {"uGeometry"}}, program);
+}
+
+Failure SssAsset::incidentProgram(int layers, const Program** program) const
+{
+    return findProgram(asset_.context, {"incident", shaders::kFullscreenVertGlsl, define("LAYERS", layers) + shaders::kPassGlsl + shaders::kSssIncidentFragGlsl, {"uLit"}},
+                       program);
+}
+
+Failure SssAsset::compileAhead(int mostLights)
+{
+    const Program* program = nullptr;
+    if (Failure f = sumProgram(&program)) return f;
+    if (Failure f = surfaceProgram(&program)) return f;
+    const int most = std::min(mostLights, kBatchLights);
+    for (int lights = 1; lights <= most; ++lights)
+        if (Failure f = lightProgram(lanesOf(lights), false, &program)) return f;
+    for (int layers = 1; layers <= std::min((mostLights + 2) / 3, asset_.context.gl.maxLayers()); ++layers)
+        if (Failure f = incidentProgram(layers, &program)) return f;
+    return {};
+}
+
+std::unique_ptr<InstanceModel> SssAsset::makeInstance(Instance& instance) { return std::make_unique<SssInstance>(instance, *this); }
+
+// ---- instance
+
+float SssInstance::mostScatter(const std::vector<SssMaterial>& materials)
+{
+    float most = 0;
+    for (const SssMaterial& m : materials) most = std::max(most, m.subsurface * std::max({m.residual[0], m.residual[1], m.residual[2]}));
+    return most;
+}
+
+float SssInstance::brightest() const
+{
+    constexpr float kNetwork = 256; // it answers with numbers around 1
+    return model_.hasNetwork ? kNetwork * mostScatter_ : 0.0f;
+}
+
+Failure SssInstance::setEdits(std::span<const SplatEdit> edits)
 {
     edits_.assign(edits.begin(), edits.end());
-    edited_ = true;
+    outdated_ = true;
+    ++instance_.looksRevision;
     return {};
 }
 
-void GpuSss::freeLit()
+void SssInstance::uploadMaterials(const std::vector<SssMaterial>& materials) const
 {
-    gl().DeleteTextures(1, &lit_);
-    asset_.gpuBytes -= 16 * uint64_t(kMostLanes * litGroups_) * uint64_t(asset_.width) * uint64_t(asset_.rows);
-    lit_ = 0, litGroups_ = 0;
+    const Gl& gl = instance_.context.gl;
+    const Asset& asset = *instance_.asset;
+    uploadSlot<float>(gl, asset.grid, edited_, kMeanOpacity, [&](size_t g, float* t) {
+        const glm::vec3& p = asset.positions[g];
+        t[0] = p.x, t[1] = p.y, t[2] = p.z, t[3] = materials[g].opacity;
+    });
+    for (int slot = kNormalRoughness; slot < kSssSlots; ++slot)
+        uploadSlot<float>(gl, asset.grid, edited_, slot, [&](size_t g, float* t) { copyMaterialSlot(slot, materials[g], t); });
 }
 
-/// Room for so many lights.
-Failure GpuSss::growLit(int lights)
+/// Only edits: what lights make of sss depends on the camera.
+Failure SssInstance::relight(RelightBudget&, bool* done)
 {
-    const int groups = groupsOf(lights), height = groups * asset_.rows;
-    if (groups <= litGroups_) return {};
-    clearHostErrors(*asset_.context);
-    gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, litFramebuffer_); // deletion detaches, and so frees, only while bound
-    freeLit();
-    litGroups_ = groups;
-    gl().GenTextures(1, &lit_);
-    bindTexture(gl(), 0, GL_TEXTURE_2D_ARRAY, lit_);
-    setNearest(gl(), GL_TEXTURE_2D_ARRAY);
-    gl().TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA32F, asset_.width, height, kMostLanes, 0, GL_RGBA, GL_FLOAT, nullptr);
-    asset_.gpuBytes += 16 * uint64_t(kMostLanes * groups) * uint64_t(asset_.width) * uint64_t(asset_.rows);
-    for (int l = 0; l < kMostLanes; ++l) gl().FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + GLenum(l), lit_, 0, l);
-    if (allocated(gl())) return {};
-    freeLit();
-    return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(lights) + " lights; use fewer"};
+    *done = true;
+    if (!outdated_) return {};
+    outdated_ = false;
+    Context& context = instance_.context;
+    const Asset& asset = *instance_.asset;
+    if (edits_.empty()) {
+        edited_ = {};
+        mostScatter_ = mostScatter(model_.baked);
+        return {};
+    }
+    if (!edited_) {
+        clearHostErrors(context);
+        edited_ = slotTexture(context, asset.grid, GL_RGBA32F, kSssSlots);
+        if (takeGlError(context.gl) != GL_NO_ERROR) {
+            edited_ = {}, outdated_ = true;
+            return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for materials of an instance of its own"};
+        }
+        copyRows(context, asset.geometry, edited_, asset.grid.rows * kCommonSlots);
+    }
+    std::vector<SssMaterial> materials = model_.baked;
+    for (size_t g = 0; g < materials.size(); ++g) applyEdits(edits_, asset.positions[g], materials[g]);
+    mostScatter_ = mostScatter(materials);
+    uploadMaterials(materials);
+    return {};
+}
+
+std::unique_ptr<ViewModel> SssInstance::makeView() { return std::make_unique<SssView>(instance_, model_); }
+
+// ---- view
+
+/// What the group is to be made from; lights: the largest revision.
+SssView::Group SssView::wanted(size_t batch, int group, const glm::vec4& camera) const
+{
+    const Batch& b = batches_[batch];
+    Group w{1, 0, model_.hasNetwork ? camera : glm::vec4(0), batch < instance_.occlusion.size()};
+    for (int l = 0; l < b.lanes; ++l)
+        if (const size_t slot = batch * kBatchLights + size_t(b.lanes * group + l); slot < instance_.slotRevisions.size())
+            w.lights = std::max(w.lights, instance_.slotRevisions[slot]);
+    return w;
+}
+
+bool SssView::outdated(size_t batch, int group, const glm::vec4& camera) const
+{
+    const Group w = wanted(batch, group, camera), &made = batches_[batch].made[size_t(group)];
+    return made.lights != w.lights || made.camera != w.camera || made.occluded != w.occluded || !instance_.context.passes.sure(made.draw);
+}
+
+/// Room for the lights there are; a batch whose number of lights has changed is made anew.
+Failure SssView::growBatches()
+{
+    Context& context = instance_.context;
+    const SplatGrid& grid = instance_.asset->grid;
+    const int lights = instance_.lightCount();
+    const size_t batches = size_t((lights + kBatchLights - 1) / kBatchLights);
+    if (batches_.size() != batches) batches_.resize(batches), ++litRevision_;
+    for (size_t i = 0; i < batches_.size(); ++i) {
+        Batch& b = batches_[i];
+        const int count = std::min(lights - int(i) * kBatchLights, kBatchLights);
+        if (b.lights == count) continue;
+        b.lights = count, b.lanes = lanesOf(count);
+        b.made.assign(size_t(groupsOf(count)), {});
+        ++litRevision_;
+        if (b.lit && b.lit.height() >= groupsOf(count) * grid.rows) continue;
+        clearHostErrors(context);
+        b.lit = {}, b.framebuffer = {};
+        b.lit = Texture(context, GL_RGBA32F, grid.width, groupsOf(count) * grid.rows, kMostLanes);
+        b.framebuffer = Framebuffer(context);
+        for (int l = 0; l < kMostLanes; ++l) b.framebuffer.attach(l, b.lit, l);
+        if (allocated(context.gl)) continue;
+        batches_.clear();
+        return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(lights) + " lights on an instance; use fewer"};
+    }
+    return {};
 }
 
 /// The light pass, its program and textures bound.
-void GpuSss::dispatchLights(int lights) const
+void SssView::dispatch(const Program& program, const Texture& lit, int first, int count) const
 {
-    const ImageUnitGuard hosts(gl());
-    gl().BindImageTexture(0, lit_, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA32F);
-    gl().MemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT); // the frame before has read what is overwritten
-    gl().DispatchCompute(GLuint(asset_.width + kWorkgroup - 1) / kWorkgroup, GLuint(asset_.rows), GLuint(groupsOf(lights)));
-    gl().MemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
-    gl().UseProgram(0); // Mesa holds on to a program that comes right after one of compute, even if it is deleted
+    const Gl& gl = instance_.context.gl;
+    const SplatGrid& grid = instance_.asset->grid;
+    const ImageUnitGuard hosts(gl);
+    program.set("uFirstGroup", first);
+    gl.BindImageTexture(0, lit.name(), 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA32F);
+    gl.MemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT); // the frame before has read what is overwritten
+    gl.DispatchCompute(GLuint(grid.width + kWorkgroup - 1) / kWorkgroup, GLuint(grid.rows), GLuint(count));
+    gl.MemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
+    gl.UseProgram(0); // Mesa holds on to a program that comes right after one of compute, even if it is deleted
 }
 
-void GpuSss::drawLights(int lights) const
+Failure SssView::runGroups(size_t batch, int first, int count, const glm::vec4& camera)
 {
-    constexpr GLenum attachments[kMostLanes] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2, GL_COLOR_ATTACHMENT3};
-    gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, litFramebuffer_);
-    gl().DrawBuffers(lanesOf(lights), attachments);
-    runPass(asset_, litFramebuffer_, asset_.rows * groupsOf(lights));
-}
-
-void GpuSss::runLightPass(const Program& p, const glm::vec3& camera) const
-{
-    const int lights = asset_.packed.count;
-    gl().UseProgram(p.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-    bindTexture(gl(), 1, GL_TEXTURE_2D, asset_.lights);
-    if (hasNetwork_) bindTexture(gl(), 2, GL_TEXTURE_2D, first_), bindTexture(gl(), 3, GL_TEXTURE_2D, weights_);
-    if (hasVisibility_) bindTexture(gl(), 4, GL_TEXTURE_2D_ARRAY, visibility_);
-    gl().Uniform3f(p.cameraAsset, camera.x, camera.y, camera.z);
-    gl().Uniform1f(p.worldScale2, asset_.packed.worldScale2);
-    gl().Uniform1f(p.inverseSize, inverseSize_);
-    gl().Uniform1i(p.lightCount, lights);
-    gl().Uniform1i(p.oneLoop, 1);
-    if (computes()) dispatchLights(lights);
-    else drawLights(lights);
-}
-
-void GpuSss::runSumPass() const
-{
-    gl().UseProgram(sumPass_.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-    bindTexture(gl(), 1, GL_TEXTURE_2D_ARRAY, lit_);
-    gl().Uniform1i(sumPass_.lightCount, asset_.packed.count);
-    gl().Uniform1i(sumPass_.lanes, lanesOf(asset_.packed.count));
-    runPass(asset_, sumFramebuffer_, asset_.rows);
-}
-
-Failure GpuSss::relight(const DrawFrame& frame, bool lightsChanged)
-{
-    const bool viewChanged = hasNetwork_ && (!seen_ || seenFrom_ != frame.cameraAsset);
-    const int lights = asset_.packed.count;
+    const Asset& asset = *instance_.asset;
+    const Batch& b = batches_[batch];
+    const bool occluded = batch < instance_.occlusion.size();
     const Program* program = nullptr;
-    if (Failure f = growLit(lights)) return f;
-    if (lights > 0)
-        if (Failure f = lightProgram(lanesOf(lights), &program)) return f;
-    if (edited_) uploadMaterials();
-    kept_.update();
-    if (lightsChanged || viewChanged) kept_.outdate(kLightPass);
-    if (lightsChanged || viewChanged || edited_) kept_.outdate(kSumPass);
-    edited_ = false;
-    seenFrom_ = frame.cameraAsset;
-    seen_ = true;
-    const bool light = !kept_.has(kLightPass), sum = light || !kept_.has(kSumPass);
-    if (sum) {
-        kept_.begin();
-        if (light && program) runLightPass(*program, frame.cameraAsset);
-        runSumPass();
-        kept_.end(1u << kSumPass | unsigned(light) << kLightPass);
-    }
-    asset_.stats.lightPassesRun = light;
-    asset_.stats.viewPassesRun = 0;
-    asset_.stats.combinePassesRun = sum;
+    if (Failure f = model_.lightProgram(b.lanes, occluded, &program)) return f;
+    program->use();
+    asset.grid.set(*program);
+    instance_.model->geometry().bind(0);
+    instance_.lightTexture.bind(1);
+    model_.first.bind(2), model_.weights.bind(3);
+    model_.visibility.bind(4);
+    if (occluded) instance_.occlusion[batch].bind(5);
+    program->set("uCamera", camera);
+    program->set("uWorldScale2", instance_.worldScale2());
+    program->set("uInverseSize", model_.inverseSize);
+    program->set("uFirstLight", int(batch) * kBatchLights);
+    program->set("uEndLight", int(batch) * kBatchLights + b.lights);
+    program->set("uOneLoop", 1);
+    if (model_.computes()) return dispatch(*program, b.lit, first, count), Failure{};
+    b.framebuffer.bind();
+    b.framebuffer.drawTo(b.lanes);
+    runPass(instance_.context, asset.grid.width, asset.grid.rows * first, asset.grid.rows * count);
     return {};
 }
 
-void GpuSss::freeLayers(LayerTarget& t)
+Failure SssView::relightGroups(const glm::vec4& camera, RelightBudget& budget, bool* done)
 {
-    gl().DeleteFramebuffers(1, &t.framebuffer);
-    gl().DeleteTextures(1, &t.texture);
-    asset_.gpuBytes -= t.bytes();
-    t = {};
-}
-
-/// Exactly this size, as a host's window keeps its own; more layers than asked for stay, and so do finer ones.
-Failure GpuSss::growLayers(LayerTarget& t, GLenum format, int width, int height, int layers)
-{
-    if (t.width == width && t.height == height && t.layers >= layers && (t.format == format || t.format == GL_RGBA32F)) return {};
-    clearHostErrors(*asset_.context);
-    freeLayers(t);
-    t.format = format, t.width = width, t.height = height, t.layers = layers;
-    gl().GenTextures(1, &t.texture);
-    bindTexture(gl(), 0, GL_TEXTURE_2D_ARRAY, t.texture);
-    setNearest(gl(), GL_TEXTURE_2D_ARRAY);
-    gl().TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GLint(format), width, height, layers, 0, GL_RGBA, GL_HALF_FLOAT, nullptr);
-    asset_.gpuBytes += t.bytes();
-    gl().GenFramebuffers(1, &t.framebuffer);
-    gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, t.framebuffer);
-    for (int k = 0; k < layers; ++k) gl().FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + GLenum(k), t.texture, 0, k);
-    if (allocated(gl())) return {};
-    freeLayers(t);
-    return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(layers) + " layers of " + std::to_string(width) + " x " +
-                                           std::to_string(height) + " pixels; draw into a smaller viewport"};
-}
-
-/// Binds the first layers for drawing, cleared.
-void GpuSss::clearLayers(const LayerTarget& t, int layers) const
-{
-    GLenum attachments[kMostLayers];
-    const float nothing[4] = {0, 0, 0, 0};
-    gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, t.framebuffer);
-    for (int k = 0; k < layers; ++k) attachments[k] = GL_COLOR_ATTACHMENT0 + GLenum(k);
-    gl().DrawBuffers(layers, attachments);
-    for (int k = 0; k < layers; ++k) gl().ClearBufferfv(GL_COLOR, k, nothing);
-}
-
-Failure GpuSss::drawLayers(LayerTarget& t, const Program& p, const DrawFrame& frame, int layers, int firstLight, bool depthTest, GlStateGuard& state)
-{
-    state.beginOffscreen(depthTest);
-    clearLayers(t, layers);
-    if (depthTest)
-        if (Failure f = attachHostDepth(*asset_.context, state.hostFramebuffer(), t.framebuffer, state.viewport())) return f;
-    gl().UseProgram(p.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D, asset_.geometry);
-    bindTexture(gl(), 1, GL_TEXTURE_2D, asset_.order);
-    bindTexture(gl(), 2, GL_TEXTURE_2D, scattered_);
-    bindTexture(gl(), 3, GL_TEXTURE_2D_ARRAY, lit_);
-    setSplatUniforms(asset_, p, frame);
-    gl().Uniform3f(p.cameraAsset, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
-    gl().Uniform1f(p.depthOrigin, depthOrigin_);
-    gl().Uniform1f(p.depthUnit, depthUnit_);
-    gl().Uniform1f(p.layerMax, t.format == GL_RGBA32F ? std::numeric_limits<float>::max() : kMaxHalf);
-    gl().Uniform1i(p.firstLight, firstLight);
-    gl().Uniform1i(p.lightCount, asset_.packed.count);
-    gl().Uniform1i(p.lanes, lanesOf(asset_.packed.count));
-    drawQuads(asset_);
-    if (depthTest) detachHostDepth(gl());
-    return {};
-}
-
-void GpuSss::resolve(const Program& p, const DrawFrame& frame, int firstLight, const float viewport[4], float maxColor) const
-{
-    gl().UseProgram(p.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D_ARRAY, layers_.texture);
-    bindTexture(gl(), 1, GL_TEXTURE_2D_ARRAY, further_.texture);
-    bindTexture(gl(), 2, GL_TEXTURE_2D, asset_.lights);
-    const WindowRays rays = windowRays(frame, viewport);
-    gl().Uniform3f(p.eye, frame.cameraAsset.x, frame.cameraAsset.y, frame.cameraAsset.z);
-    gl().Uniform3f(p.rayOrigin, rays.origin.x, rays.origin.y, rays.origin.z);
-    gl().Uniform3f(p.rayRight, rays.right.x, rays.right.y, rays.right.z);
-    gl().Uniform3f(p.rayUp, rays.up.x, rays.up.y, rays.up.z);
-    gl().Uniform1f(p.depthOrigin, depthOrigin_);
-    gl().Uniform1f(p.depthUnit, depthUnit_);
-    gl().Uniform1f(p.worldScale2, asset_.packed.worldScale2);
-    gl().Uniform1f(p.maxColor, maxColor);
-    gl().Uniform1i(p.firstLight, firstLight);
-    gl().Uniform1i(p.lightCount, asset_.packed.count);
-    gl().DrawArrays(GL_TRIANGLES, 0, 3);
-}
-
-void GpuSss::compose(float maxColor) const
-{
-    gl().UseProgram(compose_.name);
-    bindTexture(gl(), 0, GL_TEXTURE_2D_ARRAY, summed_.texture);
-    gl().Uniform1f(compose_.maxColor, maxColor);
-    gl().DrawArrays(GL_TRIANGLES, 0, 3);
-}
-
-/// Whether scattered light may not fit layers of half floats: a bound from the lights where they are nearest to the box of the splats.
-bool GpuSss::tooBrightForHalves() const
-{
-    if (!hasNetwork_) return false;
-    float arriving = 0;
-    for (int t = 0; t < asset_.packed.count; ++t) {
-        const glm::vec4 &shape = asset_.packed.shape[t], &intensity = asset_.packed.intensity[t];
-        const glm::vec3 nearest = glm::clamp(glm::vec3(shape), asset_.boundsMin, asset_.boundsMax) - glm::vec3(shape);
-        const float falloff = shape.w < 0 ? 1.0f : 1.0f / std::max(glm::dot(nearest, nearest) * asset_.packed.worldScale2, shape.w);
-        arriving += falloff * std::max({intensity.x, intensity.y, intensity.z});
-    }
-    constexpr float kNetwork = 256; // it answers with numbers around 1
-    return arriving * mostScatter_ * kNetwork > kMaxHalf;
-}
-
-Failure GpuSss::raster(const DrawFrame& frame, bool depthTest, GlStateGuard& state)
-{
-    const float* viewport = state.viewport(); // the layers lie under the host's pixels, so that its depth buffer fits
-    const int width = int(std::max(viewport[0], 0.0f) + viewport[2]), height = int(std::max(viewport[1], 0.0f) + viewport[3]);
-    const glm::vec3 size = asset_.boundsMax - asset_.boundsMin;
-    depthOrigin_ = glm::distance(frame.cameraAsset, 0.5f * (asset_.boundsMin + asset_.boundsMax));
-    const float exponent = std::round(std::log2(std::max({size.x, size.y, size.z})));
-    depthUnit_ = std::exp2(std::clamp(exponent, -100.0f, 100.0f)); // a power of two: dividing rounds nothing
-    const int lights = asset_.packed.count;
-    const bool sums = lights > kFirstLights;
-    gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, state.hostFramebuffer());
-    const float maxColor = largestColor(gl());
-    const GLenum format = maxColor > kMaxHalf && tooBrightForHalves() ? GL_RGBA32F : GL_RGBA16F;
-    if (sums) {
-        if (Failure f = composeProgram()) return f;
-        if (Failure f = growLayers(summed_, GL_RGBA32F, width, height, 1)) return f;
-        state.beginOffscreen(false);
-        clearLayers(summed_, 1);
-    }
-    RasterPrograms* programs = nullptr;
-    for (int first = 0; first == 0 || first < lights;) {
-        const bool further = first > 0;
-        const int now = std::min(lights - first, further ? kFurtherLights : kFirstLights);
-        const int layers = further ? furtherLayersFor(now) : layersFor(now);
-        LayerTarget& target = further ? further_ : layers_;
-        if (Failure f = rasterPrograms(further, layers, &programs)) return f;
-        if (Failure f = growLayers(target, further ? GL_RGBA16F : format, width, height, layers)) return f;
-        if (Failure f = drawLayers(target, programs->splat, frame, layers, first, depthTest, state)) return f;
-        if (sums) {
-            gl().BindFramebuffer(GL_DRAW_FRAMEBUFFER, summed_.framebuffer);
-            state.beginOffscreen(false);
-            resolve(programs->resolve, frame, first, viewport, std::numeric_limits<float>::max());
-        } else {
-            state.beginDraw(false);
-            resolve(programs->resolve, frame, first, viewport, maxColor);
+    bool ran = false;
+    for (size_t batch = 0; batch < batches_.size(); ++batch) {
+        Batch& b = batches_[batch];
+        const int groups = int(b.made.size());
+        for (int g = 0, n = 0; g < groups; g += std::max(n, 1)) {
+            for (n = 0; g + n < groups && outdated(batch, g + n, camera) && budget.take(uint64_t(instance_.asset->grid.count) * uint64_t(b.lanes));) ++n;
+            if (n > 0)
+                if (Failure f = runGroups(batch, g, n, camera)) return f;
+            for (int k = g; k < g + n; ++k) b.made[size_t(k)] = wanted(batch, k, camera), b.made[size_t(k)].draw = instance_.context.passes.now();
+            ran = ran || n > 0;
+            *done = *done && (n > 0 || !outdated(batch, g, camera));
         }
-        first += std::max(now, 1);
     }
-    if (sums) {
-        state.beginDraw(false);
-        compose(maxColor);
+    if (ran) ++litRevision_, ++budget.stats->lightPassesRun;
+    return {};
+}
+
+/// Batches after the first add to what the first has written.
+Failure SssView::sum(DrawList& list, const ListRows& rows)
+{
+    const Gl& gl = instance_.context.gl;
+    const Program* program = nullptr;
+    if (Failure f = model_.sumProgram(&program)) return f;
+    program->use();
+    instance_.asset->grid.set(*program);
+    list.set(*program, rows);
+    program->set("uTint", instance_.tint);
+    instance_.model->geometry().bind(0);
+    list.beginColor();
+    for (size_t i = 0; i == 0 || i < batches_.size(); ++i) {
+        const bool any = i < batches_.size();
+        if (any) batches_[i].lit.bind(1);
+        program->set("uLanes", any ? batches_[i].lanes : 1);
+        program->set("uBatchLights", any ? batches_[i].lights : 0);
+        if (i > 0) beginAdding(gl);
+        runPass(instance_.context, list.width(), rows.first, rows.count);
+        if (i > 0) gl.Disable(GL_BLEND);
     }
+    return {};
+}
+
+Failure SssView::relight(const InstanceFrame& frame, DrawList& list, const ListRows& rows, RelightBudget& budget, bool* done)
+{
+    const PassLog& passes = instance_.context.passes;
+    *done = true;
+    if (Failure f = growBatches()) return f;
+    if (Failure f = relightGroups(frame.camera, budget, done)) return f;
+    const bool summed = summedLit_ == litRevision_ && summedLooks_ == instance_.looksRevision && summedList_ == list.revision() && passes.sure(summedIn_);
+    if (!*done || summed) return {};
+    if (Failure f = sum(list, rows)) return f;
+    summedLit_ = litRevision_, summedLooks_ = instance_.looksRevision, summedList_ = list.revision(), summedIn_ = passes.now();
+    ++budget.stats->combinePassesRun;
+    return {};
+}
+
+Failure SssView::gatherSurface(const InstanceFrame& frame, DrawList& list, const ListRows& rows)
+{
+    if (gatheredLooks_ == instance_.looksRevision && gatheredList_ == list.attributesRevision() && gatheredPlace_ == frame.worldFromAsset &&
+        instance_.context.passes.sure(surfacesIn_))
+        return {};
+    surfacesIn_ = instance_.context.passes.now();
+    const Program* program = nullptr;
+    if (Failure f = model_.surfaceProgram(&program)) return f;
+    program->use();
+    instance_.asset->grid.set(*program);
+    list.set(*program, rows);
+    program->set("uWorldFromAsset", frame.worldFromAsset);
+    program->set("uWorldScale", frame.worldScale);
+    program->set("uTint", instance_.tint);
+    instance_.model->geometry().bind(0);
+    list.beginAttributes(0, 3);
+    runPass(instance_.context, list.width(), rows.first, rows.count);
+    return {};
+}
+
+/// As many layers at once as the GPU draws into. Batches after the first add their lights to zeros of the first.
+Failure SssView::gatherIncident(DrawList& list, const ListRows& rows, std::span<const int> viewLights)
+{
+    const Gl& gl = instance_.context.gl;
+    const int layers = (int(viewLights.size()) + 2) / 3, most = gl.maxLayers();
+    for (int first = 0; first < layers; first += most) {
+        const int count = std::min(most, layers - first);
+        const Program* program = nullptr;
+        if (Failure f = model_.incidentProgram(count, &program)) return f;
+        program->use();
+        instance_.asset->grid.set(*program);
+        list.set(*program, rows);
+        list.beginAttributes(3 + first, count);
+        for (size_t b = 0; b == 0 || b < batches_.size(); ++b) {
+            int slots[24];
+            for (int i = 0; i < 3 * count; ++i) {
+                const size_t t = size_t(3 * first + i);
+                const int slot = t < viewLights.size() ? viewLights[t] : -1;
+                slots[i] = slot >= 0 && size_t(slot / kBatchLights) == b ? slot % kBatchLights : -1;
+            }
+            if (b < batches_.size()) batches_[b].lit.bind(0);
+            program->set("uLanes", b < batches_.size() ? batches_[b].lanes : 1);
+            program->set("uSlots", 3 * count, slots);
+            if (b > 0) beginAdding(gl);
+            runPass(instance_.context, list.width(), rows.first, rows.count);
+            if (b > 0) gl.Disable(GL_BLEND);
+        }
+    }
+    return {};
+}
+
+Failure SssView::gather(const InstanceFrame& frame, DrawList& list, const ListRows& rows, std::span<const int> viewLights)
+{
+    if (Failure f = gatherSurface(frame, list, rows)) return f;
+    const bool sameLights = std::equal(viewLights.begin(), viewLights.end(), gatheredLights_.begin(), gatheredLights_.end());
+    if (gatheredLit_ != litRevision_ || gatheredList_ != list.attributesRevision() || !sameLights || !instance_.context.passes.sure(incidentsIn_)) {
+        if (Failure f = gatherIncident(list, rows, viewLights)) return f;
+        incidentsIn_ = instance_.context.passes.now();
+    }
+    gatheredLooks_ = instance_.looksRevision, gatheredList_ = list.attributesRevision(), gatheredPlace_ = frame.worldFromAsset;
+    gatheredLit_ = litRevision_, gatheredLights_.assign(viewLights.begin(), viewLights.end());
     return {};
 }
 
 } // namespace
 
-std::unique_ptr<GpuModel> sss::makeGpuModel(NacreAssetImpl& asset) { return std::make_unique<GpuSss>(asset); }
+std::unique_ptr<AssetModel> sss::makeAssetModel(Asset& asset) { return std::make_unique<SssAsset>(asset); }
 
 } // namespace nacre

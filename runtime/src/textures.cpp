@@ -16,40 +16,101 @@ void bindTexture(const Gl& gl, int unit, GLenum target, GLuint texture)
     gl.BindTexture(target, texture);
 }
 
-void setNearest(const Gl& gl, GLenum target)
+namespace {
+struct TexelFormat {
+    GLenum internal, layout, type;
+    int bytes;
+};
+} // namespace
+static const TexelFormat& texelFormat(GLenum internal)
 {
-    gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    gl.TexParameteri(target, GL_TEXTURE_MAX_LEVEL, 0);
+    static constexpr TexelFormat kFormats[] = {{GL_RGBA32F, GL_RGBA, GL_FLOAT, 16},
+                                               {GL_RGBA16F, GL_RGBA, GL_HALF_FLOAT, 8},
+                                               {GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, 4},
+                                               {GL_RGBA8, GL_RGBA, GL_UNSIGNED_BYTE, 4},
+                                               {GL_R8, GL_RED, GL_UNSIGNED_BYTE, 1}};
+    return *std::find_if(std::begin(kFormats), std::end(kFormats), [&](const TexelFormat& f) { return f.internal == internal; });
 }
 
-GLuint createSlotTexture(NacreAssetImpl& asset, GLenum format, int slots) { return createRowTexture(asset, format, asset.rows * slots); }
-
-GLuint createRowTexture(NacreAssetImpl& asset, GLenum format, int height)
+Texture::Texture(Context& context, GLenum format, int width, int height)
+    : target_(GL_TEXTURE_2D), format_(format), width_(width), height_(height), layers_(1)
 {
-    const Gl& gl = asset.context->gl;
-    const bool index = format == GL_R32UI;
-    GLuint texture = 0;
-    gl.GenTextures(1, &texture);
-    bindTexture(gl, 0, GL_TEXTURE_2D, texture);
-    setNearest(gl, GL_TEXTURE_2D);
-    gl.TexImage2D(GL_TEXTURE_2D, 0, GLint(format), asset.width, height, 0, index ? GL_RED_INTEGER : GL_RGBA,
-                  index ? GL_UNSIGNED_INT : GL_FLOAT, nullptr);
-    const uint64_t texelBytes = format == GL_RGBA32F ? 16 : format == GL_RGBA16F ? 8 : 4;
-    asset.gpuBytes += texelBytes * uint64_t(asset.width) * uint64_t(height);
-    return texture;
+    create(context);
+    const TexelFormat& f = texelFormat(format);
+    context.gl.TexImage2D(target_, 0, GLint(format), width, height, 0, f.layout, f.type, nullptr);
 }
 
-GLuint createTarget(const Gl& gl, GLuint texture)
+Texture::Texture(Context& context, GLenum format, int width, int height, int layers)
+    : target_(GL_TEXTURE_2D_ARRAY), format_(format), width_(width), height_(height), layers_(layers)
 {
-    GLuint framebuffer = 0;
-    gl.GenFramebuffers(1, &framebuffer);
-    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
-    gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
-    return framebuffer;
+    create(context);
+    const TexelFormat& f = texelFormat(format);
+    context.gl.TexImage3D(target_, 0, GLint(format), width, height, layers, 0, f.layout, f.type, nullptr);
 }
 
-void clearHostErrors(const NacreContextImpl& context)
+void Texture::create(Context& context)
+{
+    const Gl& gl = context.gl;
+    gl.GenTextures(1, &name_);
+    bindTexture(gl, 0, target_, name_);
+    gl.TexParameteri(target_, GL_TEXTURE_MIN_FILTER, GL_NEAREST); // the default filter would make one without mip levels incomplete
+    gl.TexParameteri(target_, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    gl.TexParameteri(target_, GL_TEXTURE_MAX_LEVEL, 0);
+    gl.TexParameteri(target_, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    gl.TexParameteri(target_, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    context_ = &context;
+    context.gpuBytes += bytes();
+}
+
+Texture::~Texture()
+{
+    if (!context_) return;
+    context_->gl.DeleteTextures(1, &name_);
+    context_->gpuBytes -= bytes();
+}
+
+void Texture::swap(Texture& o) noexcept
+{
+    std::swap(context_, o.context_), std::swap(name_, o.name_), std::swap(target_, o.target_), std::swap(format_, o.format_);
+    std::swap(width_, o.width_), std::swap(height_, o.height_), std::swap(layers_, o.layers_);
+}
+
+uint64_t Texture::bytes() const
+{
+    return name_ ? uint64_t(texelFormat(format_).bytes) * uint64_t(width_) * uint64_t(height_) * uint64_t(layers_) : 0;
+}
+
+void Texture::bind(int unit) const
+{
+    if (name_) bindTexture(context_->gl, unit, target_, name_);
+}
+
+Framebuffer::Framebuffer(Context& context) : context_(&context)
+{
+    context.gl.GenFramebuffers(1, &name_);
+    bind();
+}
+
+Framebuffer::~Framebuffer()
+{
+    if (context_) context_->gl.DeleteFramebuffers(1, &name_);
+}
+
+void Framebuffer::attach(int color, const Texture& texture, int layer) const
+{
+    const GLenum attachment = GL_COLOR_ATTACHMENT0 + GLenum(color);
+    if (texture.target() == GL_TEXTURE_2D_ARRAY) context_->gl.FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, attachment, texture.name(), 0, layer);
+    else context_->gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, attachment, GL_TEXTURE_2D, texture.name(), 0);
+}
+
+void Framebuffer::drawTo(int colors) const
+{
+    GLenum attachments[16];
+    for (int k = 0; k < colors; ++k) attachments[k] = GL_COLOR_ATTACHMENT0 + GLenum(k);
+    context_->gl.DrawBuffers(colors, attachments);
+}
+
+void clearHostErrors(const Context& context)
 {
     if (const GLenum pending = takeGlError(context.gl); pending != GL_NO_ERROR)
         context.report(NACRE_WARNING, "the host had a pending GL error " + std::to_string(pending) + "; it was cleared");
@@ -61,23 +122,49 @@ bool allocated(const Gl& gl)
     return takeGlError(gl) == GL_NO_ERROR && complete;
 }
 
-void runPass(const NacreAssetImpl& asset, GLuint framebuffer, int rows)
+void SplatGrid::set(const Program& program) const
 {
-    const Gl& gl = asset.context->gl;
-    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
-    const float box[4] = {0, 0, float(asset.width), float(rows)};
+    program.set("uCount", int(count));
+    program.set("uWidth", width);
+    program.set("uRows", rows);
+    program.set("uRowShift", rowShift);
+}
+
+Texture slotTexture(Context& context, const SplatGrid& grid, GLenum format, int slots) { return Texture(context, format, grid.width, grid.rows * slots); }
+
+void runPass(Context& context, int width, int first, int rows)
+{
+    const Gl& gl = context.gl;
+    context.passes.pass();
+    const float box[4] = {0, float(first), float(width), float(rows)};
     setViewport(gl, box);
     gl.DrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-Failure fitLongRow(NacreAssetImpl& asset, const char* channel, size_t splats, int64_t texelsPerSplat)
+void copyRows(Context& context, const Texture& from, const Texture& to, int rows)
+{
+    const Gl& gl = context.gl;
+    const Framebuffer source(context);
+    source.attach(0, from);
+    gl.BindFramebuffer(GL_READ_FRAMEBUFFER, source.name());
+    to.bind(0);
+    gl.CopyTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, 0, 0, from.width(), rows);
+}
+
+void beginAdding(const Gl& gl)
+{
+    gl.Enable(GL_BLEND);
+    gl.BlendEquationSeparate(GL_FUNC_ADD, GL_FUNC_ADD);
+    gl.BlendFuncSeparate(GL_ONE, GL_ONE, GL_ONE, GL_ONE);
+}
+
+Failure fitLongRow(const Gl& gl, SplatGrid& grid, const char* channel, size_t splats, int64_t texelsPerSplat)
 {
     constexpr int kSmallestShift = 8; // drivers round smaller layers up
-    const Gl& gl = asset.context->gl;
     const int largestShift = std::bit_width(unsigned(gl.maxTextureSize)) - 1;
     const int64_t texels = int64_t(splats) * texelsPerSplat;
     const auto layersAt = [&](int shift) { return (texels >> 2 * shift) + 1; };
-    int& shift = asset.rowShift;
+    int& shift = grid.rowShift;
     shift = std::max(shift, std::min(kSmallestShift, largestShift));
     while (layersAt(shift) > gl.maxArrayLayers && shift < largestShift) ++shift;
     const int64_t layers = layersAt(shift);
@@ -98,10 +185,20 @@ Failure checkHalfRange(const Channel& channel)
     return {};
 }
 
-void uploadVisibility(NacreAssetImpl& asset, GLuint& texture, const Channel& visibility)
+void UploadQueue::step(uint64_t budget)
 {
-    const TexelFormat<uint8_t> bytes{GL_R8, GL_RED, GL_UNSIGNED_BYTE, 1};
-    uploadLongRow(asset, texture, bytes, visibility.bytes.size(), [&](size_t t, uint8_t* out) { *out = visibility.bytes[t]; });
+    for (uint64_t done = 0; !empty() && (done == 0 || done + pieces_[next_].bytes <= budget); ++next_) {
+        Piece& piece = pieces_[next_];
+        piece.upload();
+        piece.upload = nullptr;
+        done += std::max<uint64_t>(piece.bytes, 1);
+        left_ -= piece.bytes;
+    }
+}
+
+void queueVisibility(UploadQueue& queue, Context& context, const SplatGrid& grid, Texture& texture, const Channel& visibility)
+{
+    queueLongRow<uint8_t>(queue, context, grid, texture, GL_R8, 1, visibility.bytes.size(), [&visibility](size_t t, uint8_t* out) { *out = visibility.bytes[t]; });
 }
 
 } // namespace nacre

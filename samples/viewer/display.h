@@ -14,7 +14,7 @@ struct Target { // a framebuffer with one colour texture
 };
 
 struct Display {
-    Target radiance; // linear, premultiplied: what nacreAssetDraw wants
+    Target radiance; // linear, premultiplied: what nacreViewDraw wants
     Target frame;    // 8-bit sRGB, as large as the window; a hidden window's own pixels would be undefined
     unsigned program = 0, vertexArray = 0;
 };

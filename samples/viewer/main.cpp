@@ -97,8 +97,10 @@ static bool readFile(const std::string& path, std::vector<char>* bytes)
 /// What lasts from frame to frame.
 struct Viewer {
     GLFWwindow* window = nullptr;
-    NacreContext context = nullptr;
-    NacreAsset asset = nullptr;
+    NacreContext context{};
+    NacreAsset asset{};
+    NacreInstance instance{};
+    NacreView view{};
     std::string lastError; // of the runtime
     Display display;
     Scene scene;
@@ -176,6 +178,9 @@ static int loadAsset(const Arguments& args, const std::vector<char>& bytes, View
     if (nacreContextCreate(&desc, &v.context) != NACRE_OK) return fail(2, v.lastError);
     const NacreResult result = nacreAssetCreate(v.context, bytes.data(), bytes.size(), &v.asset);
     if (result != NACRE_OK) return fail(result == NACRE_ERROR_BAD_ASSET ? 2 : 1, args.asset + ": " + v.lastError);
+    NacreInstanceDesc instance{};
+    instance.structSize = sizeof instance, instance.asset = v.asset;
+    if (nacreInstanceCreate(&instance, &v.instance) != NACRE_OK || nacreViewCreate(v.context, nullptr, &v.view) != NACRE_OK) return fail(1, v.lastError);
 
     v.status.asset = args.asset;
     v.status.info.structSize = sizeof v.status.info;
@@ -187,7 +192,7 @@ static int loadAsset(const Arguments& args, const std::vector<char>& bytes, View
     // Edits are for assets with materials; the runtime says which those are when asked for an edit, be it one that changes nothing.
     v.edits = edits;
     if (v.edits.empty()) v.edits = {{NACRE_EDIT_ROUGHNESS, NACRE_EDIT_MULTIPLY, {1, 1, 1}, NACRE_REGION_EVERYWHERE, {}, {}}};
-    if (nacreAssetSetEdits(v.asset, v.edits.data(), v.edits.size()) != NACRE_OK) {
+    if (nacreInstanceSetEdits(v.instance, v.edits.data(), v.edits.size()) != NACRE_OK) {
         if (!args.edits.empty()) return fail(2, args.asset + ": " + v.lastError);
         v.status.noEdits = v.lastError;
         v.edits.clear();
@@ -221,17 +226,17 @@ static bool drawSplats(Viewer& v)
 {
     std::vector<NacreLight> lights;
     for (const Lamp& lamp : v.scene.lamps) lights.push_back(toNacre(lamp, v.scene.camera, v.scene.subject));
-    if (nacreAssetSetLights(v.asset, lights.data(), lights.size()) != NACRE_OK) return false;
+    if (nacreContextSetLights(v.context, lights.data(), lights.size()) != NACRE_OK) return false;
 
     const std::vector<NacreEdit> edits = toNacre(v.scene.edits);
     const bool same = edits.size() == v.edits.size() &&
                       (edits.empty() || std::memcmp(edits.data(), v.edits.data(), edits.size() * sizeof edits[0]) == 0);
-    if (!same && nacreAssetSetEdits(v.asset, edits.data(), edits.size()) != NACRE_OK) return false;
+    if (!same && nacreInstanceSetEdits(v.instance, edits.data(), edits.size()) != NACRE_OK) return false;
     v.edits = edits;
 
     nacreContextSetProfiling(v.context, v.panel.profiling);
     const NacreDrawDesc desc = drawDesc(v.scene.subject, v.scene.camera, v.display.radiance.width, v.display.radiance.height);
-    return nacreAssetDraw(v.asset, &desc) == NACRE_OK && nacreAssetGetDrawStats(v.asset, &v.status.draw) == NACRE_OK;
+    return nacreViewDraw(v.view, &desc) == NACRE_OK && nacreViewGetStats(v.view, &v.status.draw) == NACRE_OK;
 }
 
 /// False: there is nothing to draw on, or the runtime could not (status.trouble).
@@ -302,8 +307,7 @@ int main(int argc, char** argv)
     if (const std::string wrong = parseArguments(argc, argv, &args); !wrong.empty()) return fail(2, wrong);
     Viewer v;
     const int code = run(args, v);
-    nacreAssetDestroy(v.asset);
-    nacreContextDestroy(v.context);
+    nacreContextDestroy(v.context); // and what is in it
     closeWindow(v);
     return code;
 }

@@ -74,13 +74,11 @@ static void drawLamp(Lamp& lamp, const Scene& scene)
 static void drawLamps(Scene& scene, PanelState& panel)
 {
     std::vector<Lamp>& lamps = scene.lamps;
-    ImGui::BeginDisabled(lamps.size() >= NACRE_MAX_LIGHTS);
     if (ImGui::Button("add light")) {
         lamps.push_back(lamps.empty() ? defaultLamps(homeOrbit(scene.subject, 1))[0] : lamps[panel.lamp]);
         lamps.back().azimuth = std::remainder(lamps.back().azimuth + 60.0f, 360.0f);
         panel.lamp = lamps.size() - 1;
     }
-    ImGui::EndDisabled();
     ImGui::SameLine();
     ImGui::BeginDisabled(lamps.empty());
     if (ImGui::Button("remove light")) lamps.erase(lamps.begin() + std::ptrdiff_t(panel.lamp));

@@ -60,9 +60,8 @@ NacreDrawDesc drawDesc(const Subject& subject, const Orbit& camera, int width, i
     const glm::mat3 axes = subject.assetFromYUp * turned(camera.azimuth, camera.elevation);
     glm::mat4 worldFromView(axes);
     worldFromView[3] = glm::vec4(subject.center + camera.distance * axes[2], 1);
-    const glm::mat4 worldFromAsset(1), viewFromWorld = glm::inverse(worldFromView),
+    const glm::mat4 viewFromWorld = glm::inverse(worldFromView),
         clipFromView = glm::infinitePerspective(glm::radians(kFovYDegrees), float(width) / float(height), 0.01f * subject.radius);
-    std::memcpy(desc.worldFromAsset, glm::value_ptr(worldFromAsset), sizeof desc.worldFromAsset);
     std::memcpy(desc.viewFromWorld, glm::value_ptr(viewFromWorld), sizeof desc.viewFromWorld);
     std::memcpy(desc.clipFromView, glm::value_ptr(clipFromView), sizeof desc.clipFromView);
     return desc;
@@ -81,8 +80,13 @@ NacreLight toNacre(const Lamp& lamp, const Orbit& camera, const Subject& subject
 {
     const float azimuth = lamp.azimuth + (lamp.headlight ? camera.azimuth : 0), elevation = lamp.elevation + (lamp.headlight ? camera.elevation : 0);
     const glm::vec3 towards = directionAt(subject, azimuth, elevation), intensity = lamp.intensity * lamp.color;
-    const glm::vec3 vector = lamp.type == NACRE_LIGHT_POINT ? subject.center + lamp.distance * towards : towards;
-    return {lamp.type, {vector.x, vector.y, vector.z}, {intensity.x, intensity.y, intensity.z}, 0};
+    const glm::vec3 position = subject.center + lamp.distance * towards;
+    NacreLight light{};
+    light.structSize = sizeof light, light.type = lamp.type;
+    std::memcpy(light.position, glm::value_ptr(position), sizeof light.position);
+    std::memcpy(light.direction, glm::value_ptr(towards), sizeof light.direction);
+    std::memcpy(light.intensity, glm::value_ptr(intensity), sizeof light.intensity);
+    return light;
 }
 
 const EditTargetInfo kEditTargetInfos[kEditTargets] = { // in the order of NacreEditTarget
@@ -205,7 +209,8 @@ std::string editText(const NacreEdit& edit)
 
 std::string lightText(const NacreLight& light)
 {
-    return (light.type == NACRE_LIGHT_POINT ? "point:" : "directional:") + numbers(light.vector, 3) + ":" + colorNumbers(light.intensity);
+    const bool point = light.type == NACRE_LIGHT_POINT;
+    return (point ? "point:" : "directional:") + numbers(point ? light.position : light.direction, 3) + ":" + colorNumbers(light.intensity);
 }
 
 /// scale * p + translation.
@@ -225,7 +230,7 @@ static NacreEdit moved(NacreEdit edit, double scale, const glm::dvec3& translati
 NacreLight inDataset(const Subject& subject, NacreLight light)
 {
     const bool point = light.type == NACRE_LIGHT_POINT;
-    if (point) moved(light.vector, subject.datasetScale, subject.datasetTranslation), light.radius = float(subject.datasetScale * light.radius);
+    if (point) moved(light.position, subject.datasetScale, subject.datasetTranslation), light.radius = float(subject.datasetScale * light.radius);
     const double gain = (point ? subject.datasetScale * subject.datasetScale : 1.0) / subject.datasetLightGain;
     for (float& i : light.intensity) i = float(i * gain);
     return light;

@@ -1,5 +1,5 @@
 // What the viewer shows: camera, lights and material edits as the plain numbers that sliders change, and what those mean to the runtime.
-// World space is asset space (worldFromAsset = 1), so that coordinates are those of `nacre render`. Angles are degrees about the
+// World space is asset space (the instance stands where the asset does), so that coordinates are those of `nacre render`. Angles are degrees about the
 // asset's up axis: azimuth 0 is the front, growing counter-clockwise seen from above.
 #pragma once
 

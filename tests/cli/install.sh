@@ -20,8 +20,10 @@ cat >"$kept/host/host.c" <<'EOF'
 #include <stdio.h>
 int main(void)
 {
-    NacreContext context = (NacreContext)&context; /* must become NULL */
-    if (nacreContextCreate(NULL, &context) != NACRE_ERROR_INVALID_ARGUMENT || context != NULL) return 1;
+    NacreContext context = {17}; /* must become 0 */
+    NacreView view = {17};
+    if (nacreContextCreate(NULL, &context) != NACRE_ERROR_INVALID_ARGUMENT || context.id != 0) return 1;
+    if (nacreViewCreate(context, NULL, &view) != NACRE_ERROR_INVALID_ARGUMENT || view.id != 0) return 1;
     printf("%u\n", (unsigned)nacreVersion());
     return nacreVersion() == NACRE_VERSION_MAJOR * 10000 + NACRE_VERSION_MINOR * 100 + NACRE_VERSION_PATCH ? 0 : 1;
 }
@@ -29,7 +31,7 @@ EOF
 cat >"$kept/host/CMakeLists.txt" <<'EOF'
 cmake_minimum_required(VERSION 3.25)
 project(host LANGUAGES C)
-find_package(nacre 0.1 CONFIG REQUIRED)
+find_package(nacre 0.2 CONFIG REQUIRED)
 add_executable(host host.c)
 target_link_libraries(host PRIVATE nacre::runtime)
 EOF
@@ -91,7 +93,7 @@ cat >"$work/main.cpp" <<'EOF'
 bool ownLibrariesAnswer();
 int main()
 {
-    NacreContext context = nullptr;
+    NacreContext context{};
     return nacreContextCreate(nullptr, &context) == NACRE_ERROR_INVALID_ARGUMENT && ownLibrariesAnswer() ? 0 : 1;
 }
 EOF

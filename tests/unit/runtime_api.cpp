@@ -15,14 +15,14 @@ static const std::vector<Light> kLamp = {pointLight({1, 1, 2}, glm::vec3(3))};
 // ---- re-evaluation ------------------------------------------------------------------------------------------------------------
 
 struct Passes {
-    uint32_t light, view, combine, sorted;
+    uint32_t light, view, combine, projected, sorted;
     bool operator==(const Passes&) const = default;
 };
 
 static Passes passes(const Host& host)
 {
     const NacreDrawStats s = host.stats();
-    return {s.lightPassesRun, s.viewPassesRun, s.combinePassesRun, s.sorted};
+    return {s.lightPassesRun, s.viewPassesRun, s.combinePassesRun, s.projected, s.sorted};
 }
 
 TEST_CASE("each pass runs only when its inputs changed")
@@ -30,25 +30,32 @@ TEST_CASE("each pass runs only when its inputs changed")
     if (!haveGl()) return;
     Host host(randomAsset(20, 4, 1));
     host.draw(front(), kLamp);
-    CHECK(passes(host) == Passes{1, 1, 1, 1});
+    CHECK(passes(host) == Passes{1, 1, 1, 1, 1});
     CHECK(host.stats().splatsDrawn == 20);
+    CHECK(host.stats().instancesDrawn == 1);
     host.draw(front());
-    CHECK(passes(host) == Passes{0, 0, 0, 0});
+    CHECK(passes(host) == Passes{0, 0, 0, 0, 0});
     host.draw(front(), kLamp); // the same lights again
-    CHECK(passes(host) == Passes{0, 0, 0, 0});
+    CHECK(passes(host) == Passes{0, 0, 0, 0, 0});
     host.draw(front(), {{directionalLight({0, 1, 0}, glm::vec3(1))}});
-    CHECK(passes(host) == Passes{1, 0, 1, 0});
+    CHECK(passes(host) == Passes{1, 0, 1, 0, 0});
     host.draw(front(2.5));
-    CHECK(passes(host) == Passes{0, 1, 1, 1});
-    Camera rolled = front(2.5); // on its side, same place: what is in the frame changes, not the light
+    CHECK(passes(host) == Passes{0, 1, 1, 1, 1});
+    Camera rolled = front(2.5); // on its side, same place: neither light nor order, which goes by distance, are others
     rolled.worldFromCamera[0] = {0, 1, 0, 0}, rolled.worldFromCamera[1] = {-1, 0, 0, 0};
     host.draw(rolled);
-    CHECK(passes(host) == Passes{0, 0, 0, 1});
-    NacreDrawDesc desc = describe(front());
-    copy(desc.worldFromAsset, glm::translate(glm::dmat4(1.0), glm::dvec3(0.1, 0, 0)));
+    CHECK(passes(host) == Passes{0, 0, 0, 1, 0});
+    Camera jittered = rolled;
+    jittered.cx += 0.3;
+    host.draw(jittered);
+    CHECK(passes(host) == Passes{0, 0, 0, 1, 0});
     host.setLights(kLamp);
-    host.draw(front(), desc); // the asset moves under a point light
-    CHECK(passes(host) == Passes{1, 1, 1, 1});
+    host.moveTo(glm::translate(glm::dmat4(1.0), glm::dvec3(0.1, 0, 0)));
+    host.draw(front()); // the instance moves under a point light
+    CHECK(passes(host) == Passes{1, 1, 1, 1, 1});
+    host.moveTo(glm::translate(glm::dmat4(1.0), glm::dvec3(0.1, 0, 0))); // to where it is
+    host.draw(front());
+    CHECK(passes(host) == Passes{0, 0, 0, 0, 0});
 }
 
 TEST_CASE("an asset without s never runs the view pass")
@@ -56,9 +63,9 @@ TEST_CASE("an asset without s never runs the view pass")
     if (!haveGl()) return;
     Host host(randomAsset(20, 0, 1));
     host.draw(front(), kLamp);
-    CHECK(passes(host) == Passes{1, 0, 1, 1});
+    CHECK(passes(host) == Passes{1, 0, 1, 1, 1});
     host.draw(front(3));
-    CHECK(passes(host) == Passes{0, 0, 0, 1});
+    CHECK(passes(host) == Passes{0, 0, 0, 1, 1});
 }
 
 TEST_CASE("a highlight follows the camera, with or without s, and the light pass does not run for it")
@@ -68,14 +75,14 @@ TEST_CASE("a highlight follows the camera, with or without s, and the light pass
         const SplatAsset asset = withSharp(randomAsset(60, int(functions), 1), kAllSharp, 1, 30);
         Host host(asset), fresh(asset);
         host.draw(front(), kLamp);
-        CHECK(passes(host) == Passes{1, functions > 0, 1, 1});
+        CHECK(passes(host) == Passes{1, functions > 0, 1, 1, 1});
         const Camera moved = lookAt({1.2, 0.8, 1.2}, {0, 0, 0}, 33, 33, 40);
         const Image image = host.draw(moved);
-        CHECK(passes(host) == Passes{0, functions > 0, 1, 1});
+        CHECK(passes(host) == Passes{0, functions > 0, 1, 1, 1});
         CHECK(largestDifference(image, fresh.draw(moved, kLamp)) == 0.0f);
         CHECK(psnr(image, referenceImage(asset, moved, kLamp)) > 80.0);
         host.draw(moved);
-        CHECK(passes(host) == Passes{0, 0, 0, 0});
+        CHECK(passes(host) == Passes{0, 0, 0, 0, 0});
     }
 }
 
@@ -85,7 +92,7 @@ TEST_CASE("hard shadows alone do not depend on the camera")
     Host host(withSharp(randomAsset(20, 0, 1), kVisibility | kShadow, 1));
     host.draw(front(), kLamp);
     host.draw(front(3));
-    CHECK(passes(host) == Passes{0, 0, 0, 1});
+    CHECK(passes(host) == Passes{0, 0, 0, 1, 1});
 }
 
 TEST_CASE("cached results draw the same image as fresh ones")
@@ -144,7 +151,7 @@ TEST_CASE("splats are blended over what the host has drawn, and hidden by its de
             glEnable(GL_DEPTH_TEST);
             NacreDrawDesc desc = describe(front());
             desc.depthTest = depthTest;
-            REQUIRE(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+            REQUIRE(nacreViewDraw(host.view, &desc) == NACRE_OK);
             glDisable(GL_DEPTH_TEST);
             return host.gl->readFrame();
         };
@@ -173,7 +180,7 @@ TEST_CASE("viewport and scissor of the host apply")
         glEnable(GL_SCISSOR_TEST);
         glScissor(40, 20, 33, 17);
         const NacreDrawDesc desc = describe(front());
-        REQUIRE(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+        REQUIRE(nacreViewDraw(host.view, &desc) == NACRE_OK);
         glDisable(GL_SCISSOR_TEST);
         const Image image = host.gl->readFrame();
         for (int y = 0; y < 80; ++y)
@@ -202,7 +209,7 @@ TEST_CASE("a half-float target stays free of infinities")
     glViewport(0, 0, 33, 33);
     glClear(GL_COLOR_BUFFER_BIT);
     const NacreDrawDesc desc = describe(front());
-    REQUIRE(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    REQUIRE(nacreViewDraw(host.view, &desc) == NACRE_OK);
     Image image{33, 33, std::vector<float>(4 * 33 * 33)};
     glReadPixels(0, 0, 33, 33, GL_RGBA, GL_FLOAT, image.rgba.data());
     CHECK(allFinite(image));
@@ -269,7 +276,7 @@ TEST_CASE("of several render targets only the first is drawn to, through the hos
     REQUIRE(untouched.pixel(16, 16)[0] == 0.5f);
     const NacreDrawDesc desc = describe(front());
     glColorMaski(0, GL_TRUE, GL_FALSE, GL_TRUE, GL_TRUE);
-    REQUIRE(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    REQUIRE(nacreViewDraw(host.view, &desc) == NACRE_OK);
     CHECK(targets.read(0).pixel(16, 16)[0] != 0.5f);
     CHECK(targets.read(0).pixel(16, 16)[1] == 0.5f);
     CHECK(largestDifference(targets.read(1), untouched) == 0.0f);
@@ -464,14 +471,17 @@ TEST_CASE("GL state is the same before and after a draw, whatever it was, and of
         REQUIRE(glGetError() == GL_NO_ERROR);
 
         // creating, relighting, sorting, drawing and failing all happen under the scrambled state
-        const NacreAsset second = host.create(asset);
-        const NacreLight lamp = toNacre(kLamp[0]);
-        REQUIRE(nacreAssetSetLights(second, &lamp, 1) == NACRE_OK);
-        const NacreDrawDesc desc = describe(front());
-        REQUIRE(nacreAssetDraw(second, &desc) == NACRE_OK);
+        const NacreInstance second = host.place(asset), doomed = host.place(asset);
+        const NacreView view = host.addView(), doomedView = host.addView();
+        const NacreDrawDesc desc = describe(front(), {&second, 1}), other = describe(front(), {&doomed, 1});
+        host.setLights(kLamp);
+        REQUIRE(nacreViewPrepare(doomedView, &other, 8) == NACRE_OK);
+        REQUIRE(nacreViewDraw(view, &desc) == NACRE_OK);
+        nacreViewDestroy(doomedView);
+        nacreInstanceDestroy(doomed);
         NacreDrawDesc broken = desc;
         broken.clipFromView[0] = NAN;
-        CHECK(nacreAssetDraw(second, &broken) == NACRE_ERROR_INVALID_ARGUMENT);
+        CHECK(nacreViewDraw(view, &broken) == NACRE_ERROR_INVALID_ARGUMENT);
         CHECK(glGetError() == GL_NO_ERROR);
 
         const auto after = snapshot();
@@ -481,7 +491,7 @@ TEST_CASE("GL state is the same before and after a draw, whatever it was, and of
         }
         glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
         CHECK(largestDifference(host.gl->readFrame(), expected) == 0.0f);
-        nacreAssetDestroy(second);
+        nacreInstanceDestroy(second);
         CHECK(glGetError() == GL_NO_ERROR);
     }
 }
@@ -494,15 +504,14 @@ TEST_CASE("two contexts and two assets do not influence each other")
     const SplatAsset a = randomAsset(60, 4, 1), b = withSharp(randomAsset(90, 9, 2), kAllSharp, 2);
     const std::vector<Light> other = {directionalLight({0, 1, 0}, {1, 0, 0})};
     Host first(a), second(b);
-    NacreAsset firstB = first.create(b); // the same asset in both contexts, and two assets in one
     const Image expectedA = first.draw(front(), kLamp), expectedB = second.draw(front(), other);
-    std::swap(first.asset, firstB);
-    CHECK(largestDifference(first.draw(front(), other), expectedB) == 0.0f);
-    std::swap(first.asset, firstB);
-    CHECK(largestDifference(first.draw(front()), expectedA) == 0.0f);
+    const NacreInstance firstB = first.place(b); // the same asset in both contexts, and two assets in one
+    const NacreDrawDesc onlyA = describe(front(), {&first.instance, 1}), onlyB = describe(front(), {&firstB, 1});
+    first.setLights(other);
+    CHECK(largestDifference(first.draw(onlyB), expectedB) == 0.0f);
+    first.setLights(kLamp);
+    CHECK(largestDifference(first.draw(onlyA), expectedA) == 0.0f);
     CHECK(largestDifference(second.draw(front()), expectedB) == 0.0f);
-    first.gl->makeCurrent();
-    nacreAssetDestroy(firstB);
 }
 
 // ---- bad input ----------------------------------------------------------------------------------------------------------------
@@ -513,12 +522,12 @@ TEST_CASE("damaged bytes give BAD_ASSET, a message and no asset")
     Host host;
     const auto bytes = encodeAsset(randomAsset(5, 4, 1));
     REQUIRE(bytes);
-    NacreAsset asset = reinterpret_cast<NacreAsset>(&host);
+    NacreAsset asset{~0ull};
     for (const size_t cut : {size_t(0), size_t(3), size_t(12), bytes->size() / 2, bytes->size() - 1}) {
         CAPTURE(cut);
         host.messages.clear();
         CHECK(nacreAssetCreate(host.context, bytes->data(), cut, &asset) == NACRE_ERROR_BAD_ASSET);
-        CHECK(asset == nullptr);
+        CHECK(asset.id == 0);
         CHECK(host.messages.size() == 1);
         CHECK(host.lastMessage().find('\n') == std::string::npos);
     }
@@ -536,17 +545,18 @@ TEST_CASE("a coefficient beyond half-float range is rejected by name")
     source.channels[1].values[75 * 3 + 2] = 1e5f;
     const auto bytes = encodeAsset(source);
     REQUIRE(bytes);
-    NacreAsset asset = nullptr;
+    NacreAsset asset{};
     CHECK(nacreAssetCreate(host.context, bytes->data(), bytes->size(), &asset) == NACRE_ERROR_BAD_ASSET);
-    CHECK(asset == nullptr);
+    CHECK(asset.id == 0);
     CHECK(host.lastMessage().find("'tInd'") != std::string::npos);
     CHECK(host.lastMessage().find("splat 3") != std::string::npos);
 }
 
-TEST_CASE("null handles and null pointers are safe")
+TEST_CASE("a context that cannot be made says why and is 0")
 {
-    NacreContext context = nullptr;
+    NacreContext context{~0ull};
     CHECK(nacreContextCreate(nullptr, &context) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(context.id == 0);
     NacreContextDesc desc{};
     CHECK(nacreContextCreate(&desc, &context) == NACRE_ERROR_INVALID_ARGUMENT); // structSize 0
     desc.structSize = sizeof desc;
@@ -558,16 +568,15 @@ TEST_CASE("null handles and null pointers are safe")
     desc.messageUser = &message;
     CHECK(nacreContextCreate(&desc, &context) == NACRE_ERROR_UNSUPPORTED);
     CHECK(message.find("getProcAddress found no gl") != std::string::npos);
-    CHECK(context == nullptr);
-    nacreContextDestroy(nullptr);
-    nacreContextSetProfiling(nullptr, 1);
-    nacreAssetDestroy(nullptr);
-    NacreAsset asset = nullptr;
-    CHECK(nacreAssetCreate(nullptr, "x", 1, &asset) == NACRE_ERROR_INVALID_ARGUMENT);
-    CHECK(nacreAssetSetLights(nullptr, nullptr, 0) == NACRE_ERROR_INVALID_ARGUMENT);
-    CHECK(nacreAssetDraw(nullptr, nullptr) == NACRE_ERROR_INVALID_ARGUMENT);
-    CHECK(nacreAssetGetInfo(nullptr, nullptr) == NACRE_ERROR_INVALID_ARGUMENT);
-    CHECK(nacreAssetGetDrawStats(nullptr, nullptr) == NACRE_ERROR_INVALID_ARGUMENT);
+    desc.flags = 0x80000000u;
+    CHECK(nacreContextCreate(&desc, &context) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK_MESSAGE(message.find("flags") != std::string::npos, message);
+    desc.flags = 0;
+    const int unknown = 17;
+    std::memcpy(&desc.backEnd, &unknown, sizeof unknown);
+    CHECK(nacreContextCreate(&desc, &context) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK_MESSAGE(message.find("back") != std::string::npos, message);
+    CHECK(context.id == 0);
     CHECK(nacreVersion() == NACRE_VERSION_MAJOR * 10000 + NACRE_VERSION_MINOR * 100 + NACRE_VERSION_PATCH);
 }
 
@@ -580,41 +589,124 @@ TEST_CASE("numbers that are not finite and matrices that are not what they shoul
         change(desc);
         host.messages.clear();
         REQUIRE(host.gl->beginFrame(33, 33));
-        CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_INVALID_ARGUMENT);
+        CHECK(nacreViewDraw(host.view, &desc) == NACRE_ERROR_INVALID_ARGUMENT);
+        CHECK_MESSAGE(host.lastMessage().find(word) != std::string::npos, host.lastMessage());
+        CHECK(nacreViewPrepare(host.view, &desc, 1) == NACRE_ERROR_INVALID_ARGUMENT);
         CHECK_MESSAGE(host.lastMessage().find(word) != std::string::npos, host.lastMessage());
     };
     refused([](NacreDrawDesc& d) { d.structSize = 4; }, "structSize");
-    refused([](NacreDrawDesc& d) { d.worldFromAsset[3] = NAN; }, "worldFromAsset");
+    refused([](NacreDrawDesc& d) { d.structSize = sizeof d + 8; }, "structSize");
     refused([](NacreDrawDesc& d) { d.viewFromWorld[12] = INFINITY; }, "viewFromWorld");
     refused([](NacreDrawDesc& d) { d.clipFromView[0] = NAN; }, "clipFromView");
-    refused([](NacreDrawDesc& d) { d.worldFromAsset[0] = 2; }, "uniform scale");
-    refused([](NacreDrawDesc& d) { d.worldFromAsset[0] = 0; }, "uniform scale");
     refused([](NacreDrawDesc& d) { std::fill(d.viewFromWorld, d.viewFromWorld + 12, 0.0f); }, "viewFromWorld");
-    refused([](NacreDrawDesc& d) { d.clipFromView[11] = 0, d.clipFromView[15] = 1; }, "perspective");
     refused([](NacreDrawDesc& d) { d.viewportWidth = -1; }, "viewport");
+
+    const auto badPlace = [&](auto change, const char* word) {
+        NacreInstanceDesc desc{};
+        desc.structSize = sizeof desc, desc.asset = host.asset;
+        copy(desc.worldFromAsset, glm::dmat4(1.0));
+        change(desc);
+        NacreInstance made{~0ull};
+        host.messages.clear();
+        CHECK(nacreInstanceCreate(&desc, &made) == NACRE_ERROR_INVALID_ARGUMENT);
+        CHECK(made.id == 0);
+        CHECK_MESSAGE(host.lastMessage().find(word) != std::string::npos, host.lastMessage());
+        host.messages.clear();
+        if (desc.structSize == sizeof desc) CHECK(nacreInstanceSetTransform(host.instance, desc.worldFromAsset) == NACRE_ERROR_INVALID_ARGUMENT);
+        else return;
+        CHECK_MESSAGE(host.lastMessage().find(word) != std::string::npos, host.lastMessage());
+    };
+    badPlace([](NacreInstanceDesc& d) { d.structSize = 4; }, ""); // too short for the asset: there is no context to tell
+    badPlace([](NacreInstanceDesc& d) { d.structSize = sizeof d + 8; }, "structSize");
+    badPlace([](NacreInstanceDesc& d) { d.worldFromAsset[3] = NAN; }, "worldFromAsset");
+    badPlace([](NacreInstanceDesc& d) { d.worldFromAsset[0] = 2; }, "uniform scale");
+    badPlace([](NacreInstanceDesc& d) { d.worldFromAsset[0] = 0; }, "uniform scale");
 
     const auto badLight = [&](auto change, const char* word) {
         NacreLight lights[2] = {toNacre(kLamp[0]), toNacre(kLamp[0])};
         change(lights[1]);
         host.messages.clear();
-        CHECK(nacreAssetSetLights(host.asset, lights, 2) == NACRE_ERROR_INVALID_ARGUMENT);
+        CHECK(nacreContextSetLights(host.context, lights, 2) == NACRE_ERROR_INVALID_ARGUMENT);
         CHECK_MESSAGE(host.lastMessage().find(word) != std::string::npos, host.lastMessage());
         CHECK(host.lastMessage().find("light 1") != std::string::npos);
     };
     const int unknown = 7;
     badLight([&](NacreLight& l) { std::memcpy(&l.type, &unknown, sizeof unknown); }, "type");
-    badLight([](NacreLight& l) { l.vector[1] = NAN; }, "vector");
+    badLight([](NacreLight& l) { l.position[1] = NAN; }, "position");
     badLight([](NacreLight& l) { l.intensity[2] = -1; }, "intensity");
     badLight([](NacreLight& l) { l.intensity[2] = INFINITY; }, "intensity");
     badLight([](NacreLight& l) { l.intensity[2] = 2e15f; }, "1e15");
     badLight([](NacreLight& l) { l.radius = NAN; }, "radius");
+    badLight([](NacreLight& l) { l.range = -1; }, "range");
+    badLight([](NacreLight& l) { l.structSize -= 8; }, "structSize");
     for (const float radius : {NAN, -0.1f, 1.7f})
-        badLight([&](NacreLight& l) { l.type = NACRE_LIGHT_DIRECTIONAL, l.vector[0] = 1, l.vector[1] = l.vector[2] = 0, l.radius = radius; }, "radians");
+        badLight([&](NacreLight& l) { l.type = NACRE_LIGHT_DIRECTIONAL, l.direction[0] = 1, l.radius = radius; }, "radians");
     badLight([](NacreLight& l) { l.type = NACRE_LIGHT_DIRECTIONAL; }, "length 1");
-    const std::vector<NacreLight> many(NACRE_MAX_LIGHTS + 1, toNacre(kLamp[0]));
-    CHECK(nacreAssetSetLights(host.asset, many.data(), many.size()) == NACRE_ERROR_INVALID_ARGUMENT);
-    CHECK(nacreAssetSetLights(host.asset, nullptr, 1) == NACRE_ERROR_INVALID_ARGUMENT);
-    CHECK(nacreAssetSetLights(host.asset, nullptr, 0) == NACRE_OK);
+    CHECK(nacreContextSetLights(host.context, nullptr, 1) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreContextSetLights(host.context, nullptr, 0) == NACRE_OK);
+}
+
+TEST_CASE("lights that are refused leave those that were set")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(30, 4, 1));
+    const Image before = host.draw(front(), kLamp);
+    NacreLight lights[2] = {toNacre(directionalLight({0, 1, 0}, glm::vec3(1))), toNacre(kLamp[0])};
+    lights[1].intensity[0] = NAN;
+    CHECK(nacreContextSetLights(host.context, lights, 2) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(largestDifference(host.draw(front()), before) == 0.0f);
+    CHECK(passes(host) == Passes{0, 0, 0, 0, 0});
+}
+
+TEST_CASE("structs of an older host are shorter: what they lack counts as zero, and nothing beyond them is read or written")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(40, 4, 1));
+    const Image expected = host.draw(front(), kLamp);
+
+    NacreDrawDesc draw = describe(front());
+    draw.structSize = offsetof(NacreDrawDesc, depthTest);
+    std::memset(reinterpret_cast<char*>(&draw) + draw.structSize, 0xA5, sizeof draw - draw.structSize);
+    CHECK(largestDifference(host.draw(draw), expected) == 0.0f);
+
+    NacreInstanceDesc place{};
+    place.structSize = offsetof(NacreInstanceDesc, worldFromAsset), place.asset = host.asset;
+    std::memset(place.worldFromAsset, 0xA5, sizeof place - place.structSize);
+    NacreInstance second{};
+    REQUIRE_MESSAGE(nacreInstanceCreate(&place, &second) == NACRE_OK, host.lastMessage());
+    CHECK(largestDifference(host.draw(describe(front(), {&second, 1})), expected) == 0.0f);
+
+    NacreViewDesc viewDesc{};
+    viewDesc.structSize = offsetof(NacreViewDesc, mask), viewDesc.mask = 0xA5A5A5A5u;
+    NacreView view{};
+    REQUIRE(nacreViewCreate(host.context, &viewDesc, &view) == NACRE_OK);
+    CHECK(largestDifference(host.draw(view, describe(front(), {&second, 1})), expected) == 0.0f);
+
+    constexpr size_t kLight = offsetof(NacreLight, range); // of the first is the stride of the array
+    const NacreLight whole[2] = {toNacre(kLamp[0]), toNacre(directionalLight({0, 1, 0}, {0.5f, 1, 0.25f}))};
+    REQUIRE(nacreContextSetLights(host.context, whole, 2) == NACRE_OK);
+    const Image both = host.draw(describe(front(), {&second, 1}));
+    constexpr size_t kStride = (kLight + 7) / 8 * 8;
+    alignas(8) unsigned char shorter[2 * kStride];
+    for (size_t i = 0; i < 2; ++i) {
+        NacreLight light = whole[i];
+        light.structSize = kStride;
+        std::memcpy(shorter + i * kStride, &light, kStride);
+    }
+    REQUIRE_MESSAGE(nacreContextSetLights(host.context, reinterpret_cast<const NacreLight*>(shorter), 2) == NACRE_OK, host.lastMessage());
+    CHECK(largestDifference(host.draw(describe(front(), {&second, 1})), both) == 0.0f);
+
+    const auto keepsTheRest = [](auto info, size_t size, auto get) {
+        std::memset(&info, 0xA5, sizeof info);
+        info.structSize = size;
+        CHECK(get(&info) == NACRE_OK);
+        CHECK(info.structSize == size);
+        const auto* bytes = reinterpret_cast<const unsigned char*>(&info);
+        CHECK(std::all_of(bytes + size, bytes + sizeof info, [](unsigned char b) { return b == 0xA5; }));
+    };
+    keepsTheRest(NacreAssetInfo{}, offsetof(NacreAssetInfo, model), [&](NacreAssetInfo* i) { return nacreAssetGetInfo(host.asset, i); });
+    keepsTheRest(NacreContextInfo{}, offsetof(NacreContextInfo, gpuBytes), [&](NacreContextInfo* i) { return nacreContextGetInfo(host.context, i); });
+    keepsTheRest(NacreDrawStats{}, offsetof(NacreDrawStats, relightSplats), [&](NacreDrawStats* s) { return nacreViewGetStats(host.view, s); });
 }
 
 TEST_CASE("asset info reports count, bounds, orientation and GPU bytes")
@@ -623,9 +715,7 @@ TEST_CASE("asset info reports count, bounds, orientation and GPU bytes")
     SplatAsset source = randomAsset(70, 4, 1);
     source.yUpFromAsset = glm::normalize(glm::quat(0.5f, 0.5f, -0.5f, 0.5f));
     Host host(source);
-    NacreAssetInfo info{};
-    info.structSize = sizeof info;
-    REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
+    NacreAssetInfo info = host.info();
     CHECK(info.splatCount == 70);
     CHECK(std::string(info.model) == "bigs");
     CHECK(info.gpuBytes >= 70 * (4 * 16 + 25 * 8 + 10 * 8));
@@ -647,10 +737,7 @@ TEST_CASE("GPU bytes count the channels an asset has, and only those")
     const auto gpuBytes = [](int which, size_t lights) {
         Host host(withSharp(randomAsset(70, 4, 1), which, 1));
         host.draw(front(), std::vector<Light>(lights, kLamp[0]));
-        NacreAssetInfo info{};
-        info.structSize = sizeof info;
-        REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
-        return info.gpuBytes;
+        return host.contextInfo().gpuBytes;
     };
     const uint64_t texels = 2 * 64;                                                   // of a slot: 70 splats fill two rows
     const uint64_t maps = 70 * 256;                                                   // whole rows of 256

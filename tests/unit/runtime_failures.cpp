@@ -41,16 +41,16 @@ TEST_CASE("a heap too small for the asset gives OUT_OF_MEMORY and no asset")
     REQUIRE(bytes);
     for (size_t most = bytes->size(); most >= bytes->size() / 8; most /= 2) { // smaller would fail the driver, too
         CAPTURE(most);
-        NacreAsset asset = nullptr;
+        NacreAsset asset{};
         largestAllocation = most;
         const NacreResult result = nacreAssetCreate(host.context, bytes->data(), bytes->size(), &asset);
         largestAllocation = ~size_t(0);
-        if (result == NACRE_OK) nacreAssetDestroy(std::exchange(asset, nullptr));
+        if (result == NACRE_OK) nacreAssetDestroy(std::exchange(asset, {}));
         else CHECK_MESSAGE(result == NACRE_ERROR_OUT_OF_MEMORY, host.lastMessage());
         if (most < bytes->size() / 2) CHECK(result != NACRE_OK); // the s alone takes more
-        CHECK(asset == nullptr);
+        CHECK(asset.id == 0);
     }
-    NacreAsset asset = nullptr;
+    NacreAsset asset{};
     CHECK(nacreAssetCreate(host.context, bytes->data(), bytes->size(), &asset) == NACRE_OK);
     nacreAssetDestroy(asset);
 }
@@ -89,13 +89,7 @@ static void* scarceGl(const char* name, void* user)
     return HeadlessGl::getProcAddress(name, user);
 }
 
-static uint64_t gpuBytes(const Host& host)
-{
-    NacreAssetInfo info{};
-    info.structSize = sizeof info;
-    REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
-    return info.gpuBytes;
-}
+static uint64_t gpuBytes(const Host& host) { return host.contextInfo().gpuBytes; }
 
 TEST_CASE("no GPU memory for the textures or indices of an asset: OUT_OF_MEMORY, others still draw, a later try works")
 {
@@ -106,11 +100,11 @@ TEST_CASE("no GPU memory for the textures or indices of an asset: OUT_OF_MEMORY,
     const auto bytes = encodeAsset(large);
     REQUIRE(bytes);
     for (bool* lack : {&noTextures, &noBuffers}) {
-        NacreAsset asset = nullptr;
+        NacreAsset asset{};
         *lack = true;
         CHECK(nacreAssetCreate(host.context, bytes->data(), bytes->size(), &asset) == NACRE_ERROR_OUT_OF_MEMORY);
         *lack = false;
-        CHECK(asset == nullptr);
+        CHECK(asset.id == 0);
         CHECK_FALSE(raised);
         CHECK(glGetError() == GL_NO_ERROR);
         CHECK(largestDifference(host.draw(front()), smallImage) == 0.0f);
@@ -131,16 +125,17 @@ TEST_CASE("no GPU memory for more lights or a viewport: OUT_OF_MEMORY, no error 
         const Image expected = fresh.draw(front(), many);
         for (bool* lack : {&noTextures, &lateTextures}) {
             Host host(asset, scarceGl);
+            host.draw(front());
             const uint64_t unlit = gpuBytes(host);
             host.setLights(many);
             REQUIRE(host.gl->beginFrame(33, 33));
             *lack = true;
-            CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_OUT_OF_MEMORY);
+            CHECK(nacreViewDraw(host.view, &desc) == NACRE_ERROR_OUT_OF_MEMORY);
             *lack = false;
             CHECK_MESSAGE(host.lastMessage().find("40 lights") != std::string::npos, host.lastMessage());
             CHECK_FALSE(raised);
             CHECK(glGetError() == GL_NO_ERROR);
-            CHECK(gpuBytes(host) == unlit);
+            CHECK(gpuBytes(host) <= unlit + 48 * 4 * 16); // the columns of the lights fit
             CHECK(largestDifference(host.draw(front()), expected) == 0.0f);
             CHECK(gpuBytes(host) == gpuBytes(fresh));
             if (asset.model != "sss") continue;
@@ -148,7 +143,7 @@ TEST_CASE("no GPU memory for more lights or a viewport: OUT_OF_MEMORY, no error 
             smaller.viewportWidth = smaller.viewportHeight = 21;
             glViewport(0, 0, 21, 21);
             *lack = true;
-            CHECK(nacreAssetDraw(host.asset, &smaller) == NACRE_ERROR_OUT_OF_MEMORY);
+            CHECK(nacreViewDraw(host.view, &smaller) == NACRE_ERROR_OUT_OF_MEMORY);
             *lack = false;
             CHECK_MESSAGE(host.lastMessage().find("pixels") != std::string::npos, host.lastMessage());
             CHECK(glGetError() == GL_NO_ERROR);
@@ -158,13 +153,13 @@ TEST_CASE("no GPU memory for more lights or a viewport: OUT_OF_MEMORY, no error 
     }
 }
 
-TEST_CASE("an asset that is destroyed leaves no texture, framebuffer or program behind, whatever its channels")
+TEST_CASE("an asset that is destroyed with its instance leaves no texture or framebuffer behind, whatever its channels")
 {
     if (!haveGl()) return;
     Host host;
-    const auto objects = [] {
+    const auto objects = [] { // but programs, which the context keeps
         int count = 0;
-        for (GLuint name = 1; name < 200; ++name) count += glIsTexture(name) + glIsFramebuffer(name) + glIsProgram(name);
+        for (GLuint name = 1; name < 400; ++name) count += glIsTexture(name) + glIsFramebuffer(name);
         return count;
     };
     REQUIRE(host.gl->beginFrame(33, 33)); // makes the host's own
@@ -175,8 +170,11 @@ TEST_CASE("an asset that is destroyed leaves no texture, framebuffer or program 
         host.draw(front(), kLamp);
         host.draw(front(), std::vector<Light>(9, kLamp[0])); // larger light targets replace the first
         CHECK(objects() > before + 10);
-        nacreAssetDestroy(std::exchange(host.asset, nullptr));
+        host.unload();
+        nacreViewDestroy(host.view); // its lists and targets stay for the next instances
         CHECK(objects() == before);
+        CHECK(gpuBytes(host) == 0);
+        host.view = host.addView();
     }
 }
 
@@ -208,7 +206,7 @@ TEST_CASE("maps and s that wrap over rows and layers draw the same image; where 
     Host narrow(smallGl);
     const auto bytes = encodeAsset(asset);
     REQUIRE(bytes);
-    NacreAsset refused = nullptr;
+    NacreAsset refused{};
     CHECK(nacreAssetCreate(narrow.context, bytes->data(), bytes->size(), &refused) == NACRE_ERROR_UNSUPPORTED);
     CHECK_MESSAGE(narrow.lastMessage().find("of 500 splats needs") != std::string::npos,
                   narrow.lastMessage());
@@ -222,19 +220,17 @@ TEST_CASE("layers of maps are no larger than they must be")
     CHECK(gpuBytes(host) < 1126400 + 65536 + 1100 * 170 + 10000); // the last layer whole; slots; lights
 }
 
-TEST_CASE("many splats on a small GPU: fewer lights rather than none, and the message says how many")
+TEST_CASE("many splats on a small GPU take any number of lights")
 {
     if (!haveGl()) return;
     for (const SplatAsset& asset : {randomAsset(2000, 4, 1), randomSss(2000, 0, 1)}) {
         CAPTURE(asset.model);
-        std::vector<Light> lights(128, kLamp[0]); // 2000 splats are 8 rows of 256, so 32 slots of four lights
         Host wide(asset);
-        smallSize = 256, smallLayers = 256;
+        smallSize = 256, smallLayers = 256; // 2000 splats are 8 rows of 256, so a texture has 32 slots of four lights
         Host narrow(asset, smallGl);
-        CHECK(largestDifference(narrow.draw(front(), lights), wide.draw(front(), lights)) == 0.0f);
-        const std::vector<NacreLight> tooMany(129, toNacre(kLamp[0]));
-        CHECK(nacreAssetSetLights(narrow.asset, tooMany.data(), tooMany.size()) == NACRE_ERROR_UNSUPPORTED);
-        CHECK_MESSAGE(narrow.lastMessage().find("room for 128") != std::string::npos, narrow.lastMessage());
+        for (const size_t count : {128, 129, 200})
+            CHECK(largestDifference(narrow.draw(front(), std::vector<Light>(count, kLamp[0])), wide.draw(front(), std::vector<Light>(count, kLamp[0]))) <
+                  1e-4f * float(count)); // sums in another grouping
     }
 }
 
@@ -248,7 +244,7 @@ TEST_CASE("an incomplete framebuffer gives ERROR_GL with its name and leaves no 
     glGenFramebuffers(1, &empty);
     glBindFramebuffer(GL_DRAW_FRAMEBUFFER, empty);
     const NacreDrawDesc desc = describe(front());
-    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_GL);
+    CHECK(nacreViewDraw(host.view, &desc) == NACRE_ERROR_GL);
     CHECK_MESSAGE(host.lastMessage().find("framebuffer " + std::to_string(empty) + " is incomplete (status 0x8CD7)") != std::string::npos,
                   host.lastMessage());
     CHECK(glGetError() == GL_NO_ERROR);
@@ -272,7 +268,7 @@ TEST_CASE("a target that holds integers gives ERROR_GL and keeps its pixels")
     glClearBufferuiv(GL_COLOR, 0, seven);
     glViewport(0, 0, 33, 33);
     const NacreDrawDesc desc = describe(front());
-    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_GL);
+    CHECK(nacreViewDraw(host.view, &desc) == NACRE_ERROR_GL);
     CHECK_MESSAGE(host.lastMessage().find("holds integers") != std::string::npos, host.lastMessage());
     CHECK(glGetError() == GL_NO_ERROR);
     std::vector<GLuint> pixels(33 * 33 * 4);
@@ -289,9 +285,9 @@ TEST_CASE("a GL error of the host stays pending through a draw")
     host.setLights(kLamp);
     REQUIRE(host.gl->beginFrame(33, 33));
     const NacreDrawDesc desc = describe(front());
-    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_OK); // makes its textures
+    CHECK(nacreViewDraw(host.view, &desc) == NACRE_OK); // makes its textures
     glEnable(GL_TEXTURE_BUFFER_BINDING); // no such capability
-    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    CHECK(nacreViewDraw(host.view, &desc) == NACRE_OK);
     CHECK(host.messages.empty());
     CHECK(glGetError() == GL_INVALID_ENUM);
 }
@@ -304,7 +300,7 @@ TEST_CASE("a GL error that was pending when memory is asked for is not taken for
     REQUIRE(host.gl->beginFrame(33, 33));
     const NacreDrawDesc desc = describe(front());
     glEnable(GL_TEXTURE_BUFFER_BINDING);
-    CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+    CHECK(nacreViewDraw(host.view, &desc) == NACRE_OK);
     CHECK_MESSAGE(host.lastMessage().find("pending GL error") != std::string::npos, host.lastMessage());
     CHECK(glGetError() == GL_NO_ERROR);
 }

@@ -268,9 +268,10 @@ inline bool allFinite(const Image& a)
 inline NacreLight toNacre(const Light& light)
 {
     NacreLight n{};
+    n.structSize = sizeof n;
     const bool point = light.type == LightType::kPoint;
     n.type = point ? NACRE_LIGHT_POINT : NACRE_LIGHT_DIRECTIONAL;
-    std::memcpy(n.vector, glm::value_ptr(point ? light.position : light.directionToLight), sizeof n.vector);
+    std::memcpy(point ? n.position : n.direction, glm::value_ptr(point ? light.position : light.directionToLight), sizeof n.position);
     std::memcpy(n.intensity, glm::value_ptr(light.intensity), sizeof n.intensity);
     n.radius = light.radius;
     return n;
@@ -297,14 +298,21 @@ inline NacreDrawDesc describe(const Camera& camera)
 {
     NacreDrawDesc desc{};
     desc.structSize = sizeof desc;
-    copy(desc.worldFromAsset, glm::dmat4(1.0));
     copy(desc.viewFromWorld, glm::inverse(camera.worldFromCamera));
     copy(desc.clipFromView, clipFromView(camera));
     desc.viewportWidth = camera.width, desc.viewportHeight = camera.height;
     return desc;
 }
 
-/// A host application in miniature.
+/// Draws these instances only; the array must outlive the draw.
+inline NacreDrawDesc describe(const Camera& camera, std::span<const NacreInstance> only)
+{
+    NacreDrawDesc desc = describe(camera);
+    desc.instances = only.data(), desc.instanceCount = only.size();
+    return desc;
+}
+
+/// A host application in miniature: one view, one instance of one asset unless a test makes more.
 class Host {
 public:
     explicit Host(NacreGetProcAddress getProcAddress = HeadlessGl::getProcAddress)
@@ -318,6 +326,7 @@ public:
         desc.message = [](NacreSeverity, const char* text, void* user) { static_cast<Host*>(user)->messages.push_back(text); };
         desc.messageUser = this;
         REQUIRE(nacreContextCreate(&desc, &context) == NACRE_OK);
+        view = addView();
     }
     explicit Host(const SplatAsset& source, NacreGetProcAddress getProcAddress = HeadlessGl::getProcAddress) : Host(getProcAddress)
     {
@@ -326,7 +335,6 @@ public:
     ~Host()
     {
         gl->makeCurrent();
-        nacreAssetDestroy(asset);
         nacreContextDestroy(context);
     }
     Host(const Host&) = delete;
@@ -336,46 +344,104 @@ public:
         gl->makeCurrent();
         const auto bytes = encodeAsset(source);
         REQUIRE(bytes);
-        NacreAsset made = nullptr;
+        NacreAsset made{};
         REQUIRE_MESSAGE(nacreAssetCreate(context, bytes->data(), bytes->size(), &made) == NACRE_OK, lastMessage());
         return made;
     }
+    NacreInstance place(NacreAsset what, const glm::dmat4& worldFromAsset = glm::dmat4(1))
+    {
+        NacreInstanceDesc desc{};
+        desc.structSize = sizeof desc;
+        desc.asset = what;
+        copy(desc.worldFromAsset, worldFromAsset);
+        NacreInstance made{};
+        REQUIRE_MESSAGE(nacreInstanceCreate(&desc, &made) == NACRE_OK, lastMessage());
+        return made;
+    }
+    /// Owned by the instance: the asset goes with it.
+    NacreInstance place(const SplatAsset& source, const glm::dmat4& worldFromAsset = glm::dmat4(1))
+    {
+        const NacreAsset made = create(source);
+        const NacreInstance placed = place(made, worldFromAsset);
+        nacreAssetDestroy(made);
+        return placed;
+    }
+    NacreView addView(uint32_t mask = 0)
+    {
+        NacreViewDesc desc{};
+        desc.structSize = sizeof desc;
+        desc.mask = mask;
+        NacreView made{};
+        REQUIRE_MESSAGE(nacreViewCreate(context, &desc, &made) == NACRE_OK, lastMessage());
+        return made;
+    }
+    void unload()
+    {
+        nacreInstanceDestroy(instance);
+        nacreAssetDestroy(asset);
+        instance = {}, asset = {};
+    }
     void load(const SplatAsset& source)
     {
-        nacreAssetDestroy(asset);
+        unload();
         asset = create(source);
+        instance = place(asset);
+    }
+    void moveTo(const glm::dmat4& worldFromAsset)
+    {
+        float m[16];
+        copy(m, worldFromAsset);
+        REQUIRE_MESSAGE(nacreInstanceSetTransform(instance, m) == NACRE_OK, lastMessage());
     }
     void setLights(std::span<const Light> lights)
     {
         std::vector<NacreLight> converted;
         for (const Light& light : lights) converted.push_back(toNacre(light));
-        REQUIRE_MESSAGE(nacreAssetSetLights(asset, converted.data(), converted.size()) == NACRE_OK, lastMessage());
+        REQUIRE_MESSAGE(nacreContextSetLights(context, converted.data(), converted.size()) == NACRE_OK, lastMessage());
     }
-    Image draw(const Camera& camera, const NacreDrawDesc& desc)
+    Image draw(NacreView through, const NacreDrawDesc& desc)
     {
         gl->makeCurrent();
-        REQUIRE(gl->beginFrame(camera.width, camera.height));
-        REQUIRE_MESSAGE(nacreAssetDraw(asset, &desc) == NACRE_OK, lastMessage());
+        REQUIRE(gl->beginFrame(desc.viewportWidth, desc.viewportHeight));
+        REQUIRE_MESSAGE(nacreViewDraw(through, &desc) == NACRE_OK, lastMessage());
         return gl->readFrame();
     }
-    Image draw(const Camera& camera) { return draw(camera, describe(camera)); }
+    Image draw(const NacreDrawDesc& desc) { return draw(view, desc); }
+    Image draw(const Camera& camera) { return draw(describe(camera)); }
     Image draw(const Camera& camera, std::span<const Light> lights)
     {
         setLights(lights);
         return draw(camera);
     }
-    NacreDrawStats stats() const
+    NacreDrawStats stats(NacreView of) const
     {
         NacreDrawStats s{};
         s.structSize = sizeof s;
-        REQUIRE(nacreAssetGetDrawStats(asset, &s) == NACRE_OK);
+        REQUIRE(nacreViewGetStats(of, &s) == NACRE_OK);
         return s;
+    }
+    NacreDrawStats stats() const { return stats(view); }
+    NacreAssetInfo info() const
+    {
+        NacreAssetInfo i{};
+        i.structSize = sizeof i;
+        REQUIRE(nacreAssetGetInfo(asset, &i) == NACRE_OK);
+        return i;
+    }
+    NacreContextInfo contextInfo() const
+    {
+        NacreContextInfo i{};
+        i.structSize = sizeof i;
+        REQUIRE(nacreContextGetInfo(context, &i) == NACRE_OK);
+        return i;
     }
     std::string lastMessage() const { return messages.empty() ? "" : messages.back(); }
 
     std::unique_ptr<HeadlessGl> gl;
-    NacreContext context = nullptr;
-    NacreAsset asset = nullptr;
+    NacreContext context{};
+    NacreAsset asset{};
+    NacreInstance instance{};
+    NacreView view{};
     std::vector<std::string> messages;
 };
 

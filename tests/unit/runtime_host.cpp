@@ -122,7 +122,7 @@ TEST_CASE("splats are tested against the image that is attached, whatever textur
             attach(target);
             REQUIRE(glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE);
             clearHalfHidden();
-            CHECK_MESSAGE(nacreAssetDraw(host.asset, &desc) == NACRE_OK, host.lastMessage());
+            CHECK_MESSAGE(nacreViewDraw(host.view, &desc) == NACRE_OK, host.lastMessage());
             CHECK(glGetError() == GL_NO_ERROR);
             glDisable(GL_DEPTH_TEST);
             return readBound();
@@ -202,7 +202,7 @@ TEST_CASE("multisampled depth hides splats in any format, also if its sizes misl
         target.renderbuffer(stencil ? GL_DEPTH_STENCIL_ATTACHMENT : GL_DEPTH_ATTACHMENT, format, 4);
         REQUIRE(glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE);
         clearHalfHidden();
-        const NacreResult result = nacreAssetDraw(host.asset, &desc);
+        const NacreResult result = nacreViewDraw(host.view, &desc);
         CHECK(glGetError() == GL_NO_ERROR);
         CHECK_FALSE(blitFailed);
         glDisable(GL_DEPTH_TEST);
@@ -258,7 +258,7 @@ TEST_CASE("a million times the light is a million times the picture in a float t
             half.renderbuffer(GL_COLOR_ATTACHMENT0, GL_RGBA16F);
             glClear(GL_COLOR_BUFFER_BIT);
             const NacreDrawDesc desc = describe(front());
-            REQUIRE(nacreAssetDraw(host.asset, &desc) == NACRE_OK);
+            REQUIRE(nacreViewDraw(host.view, &desc) == NACRE_OK);
             const Image clamped = readBound();
             CHECK(allFinite(clamped));
             CHECK(largest(clamped) > 3e4f);
@@ -282,9 +282,8 @@ TEST_CASE("an asset of any size shows the same picture")
                 if (c.name == "network") c.values.back() /= scale; // 1 / half-size
             host.load(scaled);
             host.setLights(sun);
-            NacreDrawDesc desc = describe(front());
-            copy(desc.worldFromAsset, glm::scale(glm::dmat4(1), glm::dvec3(1 / double(scale))));
-            CHECK(largestDifference(host.draw(front(), desc), expected) < 2e-3f);
+            host.moveTo(glm::scale(glm::dmat4(1), glm::dvec3(1 / double(scale))));
+            CHECK(largestDifference(host.draw(front()), expected) < 2e-3f);
         }
     }
 }
@@ -306,7 +305,7 @@ TEST_CASE("what a failed conditional render drops is not kept for results: the n
         const auto occluded = [&](const NacreDrawDesc& d) {
             REQUIRE(host.gl->beginFrame(kSize, kSize));
             glBeginConditionalRender(nothing, GL_QUERY_WAIT);
-            CHECK(nacreAssetDraw(host.asset, &d) == NACRE_OK);
+            CHECK(nacreViewDraw(host.view, &d) == NACRE_OK);
             glEndConditionalRender();
         };
         REQUIRE(host.gl->beginFrame(kSize, kSize));
@@ -334,7 +333,7 @@ TEST_CASE("what a failed conditional render drops is not kept for results: the n
         CHECK(host.stats().combinePassesRun == 0);
 
         host.setLights(other); // prepared outside, the passes count
-        REQUIRE(nacreAssetPrepare(host.asset, &desc, 0) == NACRE_OK);
+        REQUIRE(nacreViewPrepare(host.view, &desc, 0) == NACRE_OK);
         glFinish();
         occluded(desc);
         CHECK(host.stats().lightPassesRun == 0);
@@ -370,9 +369,7 @@ TEST_CASE("queries, transform feedback and a program pipeline that the host has 
         glGenQueries(2, queries);
         glGenProgramPipelines(1, &pipeline);
         glGenVertexArrays(1, &vertexArray);
-        const NacreAsset second = host.create(asset);
-        const NacreLight lamp = toNacre(kLamp[0]);
-        REQUIRE(nacreAssetSetLights(second, &lamp, 1) == NACRE_OK);
+        const NacreInstance second = host.place(asset);
         REQUIRE(host.gl->beginFrame(kSize, kSize));
 
         glBindVertexArray(vertexArray);
@@ -381,8 +378,8 @@ TEST_CASE("queries, transform feedback and a program pipeline that the host has 
         glBeginQuery(GL_TRANSFORM_FEEDBACK_PRIMITIVES_WRITTEN, queries[1]);
         glBeginTransformFeedback(GL_POINTS);
         glDrawArrays(GL_POINTS, 0, 1);
-        const NacreDrawDesc desc = describe(front());
-        CHECK(nacreAssetDraw(second, &desc) == NACRE_OK);
+        const NacreDrawDesc desc = describe(front(), {&second, 1});
+        CHECK(nacreViewDraw(host.view, &desc) == NACRE_OK);
         CHECK(glGetError() == GL_NO_ERROR);
         glDrawArrays(GL_POINTS, 0, 1);
         glEndTransformFeedback();
@@ -396,13 +393,12 @@ TEST_CASE("queries, transform feedback and a program pipeline that the host has 
         glUseProgram(0);
         glBindProgramPipeline(pipeline);
         REQUIRE(host.gl->beginFrame(kSize, kSize));
-        CHECK(nacreAssetDraw(second, &desc) == NACRE_OK);
+        CHECK(nacreViewDraw(host.view, &desc) == NACRE_OK);
         CHECK(largestDifference(host.gl->readFrame(), expected) == 0.0f);
         GLint bound = 0;
         glGetIntegerv(GL_PROGRAM_PIPELINE_BINDING, &bound);
         CHECK(GLuint(bound) == pipeline);
         CHECK(glGetError() == GL_NO_ERROR);
-        nacreAssetDestroy(second);
     }
 }
 
@@ -437,6 +433,20 @@ private:
     EGLContext first_, context_;
 };
 
+/// In a context that has nothing yet: a view that sees the asset.
+NacreView placeAlone(NacreContext context, const SplatAsset& source)
+{
+    const auto bytes = encodeAsset(source);
+    NacreInstanceDesc desc{};
+    desc.structSize = sizeof desc;
+    NacreInstance instance{};
+    NacreView view{};
+    REQUIRE(nacreAssetCreate(context, bytes->data(), bytes->size(), &desc.asset) == NACRE_OK);
+    REQUIRE(nacreInstanceCreate(&desc, &instance) == NACRE_OK);
+    REQUIRE(nacreViewCreate(context, nullptr, &view) == NACRE_OK);
+    return view;
+}
+
 constexpr GLenum kAlphaTest = 0x0BC0, kPolygonStipple = 0x0B42, kClampFragmentColor = 0x891B, kFixedOnly = 0x891D; // compatibility profile
 
 } // namespace
@@ -458,16 +468,14 @@ TEST_CASE("what only a compatibility profile has does not show in the picture, n
         const auto stipple = reinterpret_cast<void (*)(const GLubyte*)>(eglGetProcAddress("glPolygonStipple"));
         NacreContextDesc contextDesc{};
         contextDesc.structSize = sizeof contextDesc, contextDesc.getProcAddress = HeadlessGl::getProcAddress;
-        NacreContext context = nullptr;
+        NacreContext context{};
         REQUIRE(nacreContextCreate(&contextDesc, &context) == NACRE_OK);
         {
             Target target;
             target.renderbuffer(GL_COLOR_ATTACHMENT0, GL_RGBA32F);
-            const auto bytes = encodeAsset(asset);
-            NacreAsset drawn = nullptr;
-            REQUIRE(nacreAssetCreate(context, bytes->data(), bytes->size(), &drawn) == NACRE_OK);
+            const NacreView drawn = placeAlone(context, asset);
             const NacreLight lamp = toNacre(kLamp[0]);
-            REQUIRE(nacreAssetSetLights(drawn, &lamp, 1) == NACRE_OK);
+            REQUIRE(nacreContextSetLights(context, &lamp, 1) == NACRE_OK);
             const GLubyte holes[128] = {};
             glEnable(kAlphaTest);
             alphaFunc(GL_GREATER, 0.5f);
@@ -478,7 +486,7 @@ TEST_CASE("what only a compatibility profile has does not show in the picture, n
             for (int i = 0; i < 2; ++i) {
                 glClearColor(0, 0, 0, 0);
                 glClear(GL_COLOR_BUFFER_BIT);
-                CHECK(nacreAssetDraw(drawn, &desc) == NACRE_OK);
+                CHECK(nacreViewDraw(drawn, &desc) == NACRE_OK);
                 Image image = readBound();
                 for (int y = 0; y < kSize / 2; ++y) std::swap_ranges(image.pixel(0, y), image.pixel(0, y) + 4 * kSize, image.pixel(0, kSize - 1 - y));
                 CHECK(largestDifference(image, expected) == 0.0f);
@@ -493,7 +501,6 @@ TEST_CASE("what only a compatibility profile has does not show in the picture, n
                 glClampColor(kClampFragmentColor, kFixedOnly);
             }
             CHECK(glGetError() == GL_NO_ERROR);
-            nacreAssetDestroy(drawn);
         }
         nacreContextDestroy(context);
     }
@@ -513,11 +520,11 @@ TEST_CASE("in another context, sharing or not, or in none, calls fail with the c
         REQUIRE(window.made());
         const auto refused = [&](const char* cause) {
             host.messages.clear();
-            NacreAsset made = nullptr;
-            CHECK(nacreAssetDraw(host.asset, &desc) == NACRE_ERROR_GL);
-            CHECK(nacreAssetPrepare(host.asset, &desc, 0) == NACRE_ERROR_GL);
+            NacreAsset made{};
+            CHECK(nacreViewDraw(host.view, &desc) == NACRE_ERROR_GL);
+            CHECK(nacreViewPrepare(host.view, &desc, 0) == NACRE_ERROR_GL);
             CHECK(nacreAssetCreate(host.context, bytes->data(), bytes->size(), &made) == NACRE_ERROR_GL);
-            CHECK(made == nullptr);
+            CHECK(made.id == 0);
             CHECK(host.messages.size() == 3);
             CHECK_MESSAGE(host.lastMessage().find(cause) != std::string::npos, host.lastMessage());
         };
@@ -527,10 +534,9 @@ TEST_CASE("in another context, sharing or not, or in none, calls fail with the c
         window.other();
         NacreContextDesc contextDesc{};
         contextDesc.structSize = sizeof contextDesc, contextDesc.getProcAddress = HeadlessGl::getProcAddress;
-        NacreContext context = nullptr;
+        NacreContext context{};
         REQUIRE(nacreContextCreate(&contextDesc, &context) == NACRE_OK);
-        NacreAsset own = nullptr;
-        REQUIRE(nacreAssetCreate(context, bytes->data(), bytes->size(), &own) == NACRE_OK);
+        const NacreView own = placeAlone(context, asset);
         {
             Target target;
             target.renderbuffer(GL_COLOR_ATTACHMENT0, GL_RGBA32F);
@@ -544,17 +550,24 @@ TEST_CASE("in another context, sharing or not, or in none, calls fail with the c
 
             window.first();
             const NacreAsset doomed = host.create(asset);
-            CHECK(nacreAssetDraw(doomed, &desc) == NACRE_OK);
+            const NacreInstance doomedInstance = host.place(doomed);
+            const NacreView doomedView = host.addView();
+            CHECK(nacreViewDraw(doomedView, &desc) == NACRE_OK);
             window.other();
+            const auto forgets = [&](const char* function) {
+                CHECK_MESSAGE(host.lastMessage().find(std::string(function) + " frees no GL objects") != std::string::npos, host.lastMessage());
+                CHECK(host.messages.size() == 1);
+                host.messages.clear();
+            };
             host.messages.clear();
-            nacreAssetDestroy(doomed);
-            CHECK_MESSAGE(host.lastMessage().find("nacreAssetDestroy frees no GL objects") != std::string::npos, host.lastMessage());
+            nacreViewDestroy(doomedView), forgets("nacreViewDestroy");
+            nacreInstanceDestroy(doomedInstance), forgets("nacreInstanceDestroy");
+            nacreAssetDestroy(doomed), forgets("nacreAssetDestroy");
             glGetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &bound);
             CHECK(GLuint(bound) == target.framebuffer);
-            CHECK(nacreAssetDraw(own, &desc) == NACRE_OK);
+            CHECK(nacreViewDraw(own, &desc) == NACRE_OK);
             CHECK(glGetError() == GL_NO_ERROR);
         }
-        nacreAssetDestroy(own);
         nacreContextDestroy(context);
         window.first();
         CHECK(largestDifference(host.draw(front()), expected) == 0.0f);
@@ -572,7 +585,7 @@ static void* countLinks(const char* name, void* user)
     return HeadlessGl::getProcAddress(name, user);
 }
 
-TEST_CASE("an asset prepared for so many lights links no program in draws with any number up to that")
+TEST_CASE("a view prepared for so many lights links no program in draws with any number up to that, nor for another asset of the same kind")
 {
     if (!haveGl()) return;
     for (const SplatAsset& asset : assets()) {
@@ -580,8 +593,7 @@ TEST_CASE("an asset prepared for so many lights links no program in draws with a
         Host host(asset, countLinks);
         host.setLights(std::vector<Light>(20, kLamp[0]));
         const NacreDrawDesc desc = describe(front());
-        CHECK(nacreAssetPrepare(host.asset, nullptr, 257) == NACRE_ERROR_INVALID_ARGUMENT);
-        REQUIRE(nacreAssetPrepare(host.asset, &desc, 60) == NACRE_OK); // without any framebuffer
+        REQUIRE(nacreViewPrepare(host.view, &desc, 60) == NACRE_OK); // without any framebuffer
         glFinish();
         const int before = links;
         host.draw(front());
@@ -594,5 +606,10 @@ TEST_CASE("an asset prepared for so many lights links no program in draws with a
         }
         Host other(asset);
         CHECK(largestDifference(host.draw(front(), kLamp), other.draw(front(), kLamp)) == 0.0f);
+        SplatAsset half = asset; // the same channels, other numbers
+        for (float& opacity : half.cloud.opacities) opacity *= 0.5f;
+        host.load(half), other.load(half);
+        CHECK(largestDifference(host.draw(front(), kLamp), other.draw(front(), kLamp)) == 0.0f);
+        CHECK(links == before);
     }
 }

@@ -107,14 +107,14 @@ TEST_CASE("a clip space whose depth starts at zero shows the same, under depth c
         for (const bool clamp : {false, true}) {
             CAPTURE(clamp);
             (clamp ? glEnable : glDisable)(GL_DEPTH_CLAMP);
-            const Image expected = host.draw(kCamera, withProjection(glm::transpose(projection)));
+            const Image expected = host.draw(withProjection(glm::transpose(projection)));
             glm::dmat4 zeroToOne = projection;
             zeroToOne[2] = 0.5 * (projection[2] + projection[3]);
             glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
-            CHECK(largestDifference(host.draw(kCamera, withProjection(glm::transpose(zeroToOne))), expected) < kTolerance);
+            CHECK(largestDifference(host.draw(withProjection(glm::transpose(zeroToOne))), expected) < kTolerance);
             glm::dmat4 reversed = projection; // z / w is 1 at the near plane, 0 far away
             reversed[2] = projection[3] - zeroToOne[2];
-            CHECK(largestDifference(host.draw(kCamera, withProjection(glm::transpose(reversed))), expected) < kTolerance);
+            CHECK(largestDifference(host.draw(withProjection(glm::transpose(reversed))), expected) < kTolerance);
             glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
             CHECK(largest(expected) > 0.1f);
         }
@@ -141,9 +141,9 @@ TEST_CASE("an oblique near plane hides the splats behind it and no others")
             const Image expected = rest.draw(kCamera, kLights);
             host.gl->makeCurrent();
             host.setLights(kLights);
-            CHECK(largestDifference(host.draw(kCamera, withProjection(oblique(plainProjection(), plane))), expected) < kTolerance);
+            CHECK(largestDifference(host.draw(withProjection(oblique(plainProjection(), plane))), expected) < kTolerance);
             glEnable(GL_DEPTH_CLAMP); // GL itself clips nothing then
-            CHECK(largestDifference(host.draw(kCamera, withProjection(oblique(plainProjection(), plane))), expected) < kTolerance);
+            CHECK(largestDifference(host.draw(withProjection(oblique(plainProjection(), plane))), expected) < kTolerance);
             glDisable(GL_DEPTH_CLAMP);
         }
     }
@@ -157,8 +157,8 @@ TEST_CASE("an eye that the projection shifts sees what a shifted camera sees")
         CAPTURE(asset.model);
         Host host(asset);
         host.setLights(kLights);
-        const Image expected = host.draw(kCamera, withProjection(plainProjection(), shift * view));
-        CHECK(largestDifference(host.draw(kCamera, withProjection(plainProjection() * shift, view)), expected) < kTolerance);
+        const Image expected = host.draw(withProjection(plainProjection(), shift * view));
+        CHECK(largestDifference(host.draw(withProjection(plainProjection() * shift, view)), expected) < kTolerance);
     }
 }
 
@@ -171,13 +171,12 @@ TEST_CASE("a mirrored view under a mirrored projection shows the same, and a mir
         Host host(asset);
         host.setLights(kLights);
         const Image expected = host.draw(kCamera);
-        CHECK(largestDifference(host.draw(kCamera, withProjection(plainProjection() * mirror, mirror * view)), expected) < kTolerance);
+        CHECK(largestDifference(host.draw(withProjection(plainProjection() * mirror, mirror * view)), expected) < kTolerance);
 
         std::vector<Light> lights = kLights;
         for (Light& light : lights) light.position.y *= -1, light.directionToLight.y *= -1;
         host.setLights(lights);
-        NacreDrawDesc desc = withProjection(plainProjection(), view * mirror);
-        copy(desc.worldFromAsset, mirror);
-        CHECK(largestDifference(host.draw(kCamera, desc), expected) < kTolerance);
+        host.moveTo(mirror);
+        CHECK(largestDifference(host.draw(withProjection(plainProjection(), view * mirror)), expected) < kTolerance);
     }
 }

@@ -117,19 +117,20 @@ TEST_CASE("sss: the network in a compute shader, where there is one, draws what 
             }
 }
 
-TEST_CASE("sss: a grid of more rows than a texture has, were it as narrow as that of a small asset, takes the most lights")
+TEST_CASE("sss: a grid of more rows than a texture has, were it as narrow as that of a small asset, takes many lights")
 {
     if (!haveGl()) return;
     Host host;
     GLint texels = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &texels);
-    const size_t count = size_t(texels) / (NACRE_MAX_LIGHTS / 4) * 64 + 1; // four lights to a slot; 64: the narrowest grid
+    constexpr size_t kLights = 256;
+    const size_t count = size_t(texels) / (kLights / 4) * 64 + 1; // four lights to a slot; 64: the narrowest grid
     if (count > 20000) {
         MESSAGE("SKIPPED: textures of " << texels << " texels hold the narrow grid of any asset worth a test");
         return;
     }
     host.load(randomSss(count, 0, 8, 0.01f));
-    const Image few = host.draw(offCentre(), lightsAround(1)), most = host.draw(offCentre(), lightsAround(NACRE_MAX_LIGHTS));
+    const Image few = host.draw(offCentre(), lightsAround(1)), most = host.draw(offCentre(), lightsAround(int(kLights)));
     CHECK(largest(most) > largest(few));
 }
 
@@ -147,10 +148,10 @@ TEST_CASE("sss: the light pass runs when lights or camera change, the sum also f
     host.draw(moved);
     CHECK(passes() == std::array<uint32_t, 2>{1, 1});
     NacreEdit edit{NACRE_EDIT_SUBSURFACE, NACRE_EDIT_MULTIPLY, {0.5f, 0, 0}, NACRE_REGION_EVERYWHERE, {}, {}};
-    REQUIRE(nacreAssetSetEdits(host.asset, &edit, 1) == NACRE_OK);
+    REQUIRE(nacreInstanceSetEdits(host.instance, &edit, 1) == NACRE_OK);
     host.draw(moved);
     CHECK(passes() == std::array<uint32_t, 2>{0, 1});
-    REQUIRE(nacreAssetSetEdits(host.asset, nullptr, 0) == NACRE_OK);
+    REQUIRE(nacreInstanceSetEdits(host.instance, nullptr, 0) == NACRE_OK);
     CHECK(largestDifference(host.draw(offCentre()), first) == 0.0f);
 }
 
@@ -170,11 +171,11 @@ TEST_CASE("sss: every edit changes the image as in the reference, only in its re
                 NacreEdit edit{NacreEditTarget(target), NacreEditOperation(operation), {1, 1, 1}, NacreEditRegion(region), {-1, -1, 0}, {1, 1, 1}};
                 if (region == NACRE_REGION_SPHERE) edit.low[0] = 0.3f, edit.low[1] = 0.2f, edit.low[2] = 0.3f, edit.high[0] = 0.25f;
                 if (operation == NACRE_EDIT_MULTIPLY) {
-                    REQUIRE(nacreAssetSetEdits(host.asset, &edit, 1) == NACRE_OK);
+                    REQUIRE(nacreInstanceSetEdits(host.instance, &edit, 1) == NACRE_OK);
                     REQUIRE(largestDifference(host.draw(offCentre()), baked) == 0.0f);
                 }
                 edit.value[0] = 0.4f, edit.value[1] = 0.1f, edit.value[2] = 0.7f;
-                REQUIRE(nacreAssetSetEdits(host.asset, &edit, 1) == NACRE_OK);
+                REQUIRE(nacreInstanceSetEdits(host.instance, &edit, 1) == NACRE_OK);
                 const Image edited = host.draw(offCentre());
                 SplatEdit same{EditTarget(target), operation == NACRE_EDIT_MULTIPLY, {0.4f, 0.1f, 0.7f}, EditRegion(region), {}, {}};
                 std::copy_n(edit.low, 3, same.low), std::copy_n(edit.high, 3, same.high);
@@ -191,7 +192,7 @@ TEST_CASE("sss: edits that make no sense are refused by name, and bigs has no ma
     const auto refuses = [&](const char* text, auto change) {
         NacreEdit edit = good;
         change(edit);
-        CHECK(nacreAssetSetEdits(host.asset, &edit, 1) == NACRE_ERROR_INVALID_ARGUMENT);
+        CHECK(nacreInstanceSetEdits(host.instance, &edit, 1) == NACRE_ERROR_INVALID_ARGUMENT);
         CHECK_MESSAGE(host.lastMessage().find(text) != std::string::npos, host.lastMessage());
     };
     refuses("unknown target", [](NacreEdit& e) { const int raw = 77; std::memcpy(&e.target, &raw, sizeof raw); });
@@ -202,22 +203,19 @@ TEST_CASE("sss: edits that make no sense are refused by name, and bigs has no ma
     refuses("region is not finite", [](NacreEdit& e) { e.region = NACRE_REGION_BOX, e.high[1] = INFINITY; });
     refuses("radius", [](NacreEdit& e) { e.region = NACRE_REGION_SPHERE, e.high[0] = -1; });
     const std::vector<NacreEdit> many(NACRE_MAX_EDITS + 1, good);
-    CHECK(nacreAssetSetEdits(host.asset, many.data(), many.size()) == NACRE_ERROR_INVALID_ARGUMENT);
-    CHECK(nacreAssetSetEdits(host.asset, nullptr, 1) == NACRE_ERROR_INVALID_ARGUMENT);
-    CHECK(nacreAssetSetEdits(nullptr, &good, 1) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreInstanceSetEdits(host.instance, many.data(), many.size()) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreInstanceSetEdits(host.instance, nullptr, 1) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(nacreInstanceSetEdits({}, &good, 1) == NACRE_ERROR_INVALID_ARGUMENT);
     host.load(oneSplat(0));
-    CHECK(nacreAssetSetEdits(host.asset, &good, 1) == NACRE_ERROR_UNSUPPORTED);
-    CHECK(nacreAssetSetEdits(host.asset, nullptr, 0) == NACRE_OK);
+    CHECK(nacreInstanceSetEdits(host.instance, &good, 1) == NACRE_ERROR_UNSUPPORTED);
+    CHECK(nacreInstanceSetEdits(host.instance, nullptr, 0) == NACRE_OK);
 }
 
 TEST_CASE("sss: the asset names its model")
 {
     if (!haveGl()) return;
     Host host(randomSss(5, kAllSss, 7));
-    NacreAssetInfo info{};
-    info.structSize = sizeof info;
-    REQUIRE(nacreAssetGetInfo(host.asset, &info) == NACRE_OK);
-    CHECK(std::string(info.model) == "sss");
+    CHECK(std::string(host.info().model) == "sss");
 }
 
 TEST_CASE("sss: extreme materials and lights stay finite, and like the reference")

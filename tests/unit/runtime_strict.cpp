@@ -157,13 +157,13 @@ TEST_CASE("each version of GL is used to the letter and draws the same")
             glEnable(GL_SCISSOR_TEST);
             glScissor(0, 0, 33, 33);
             const float tolerance = 1e-5f; // the network in a compute shader or in fragments
-            CHECK(largestDifference(host.draw(camera, desc), expected) < tolerance);
+            CHECK(largestDifference(host.draw(desc), expected) < tolerance);
             CHECK(largestDifference(host.draw(camera, many), expectedMany) < 1e-3f);
             CHECK(glIsEnabled(GL_SCISSOR_TEST));
             const NacreEdit edit{NACRE_EDIT_ROUGHNESS, NACRE_EDIT_MULTIPLY, {1, 0, 0}, NACRE_REGION_EVERYWHERE, {}, {}};
-            if (asset.model == "sss") CHECK(nacreAssetSetEdits(host.asset, &edit, 1) == NACRE_OK);
+            if (asset.model == "sss") CHECK(nacreInstanceSetEdits(host.instance, &edit, 1) == NACRE_OK);
             CHECK(largestDifference(host.draw(camera, few), expected) < tolerance);
-            CHECK(nacreAssetPrepare(host.asset, &desc, 30) == NACRE_OK);
+            CHECK(nacreViewPrepare(host.view, &desc, 30) == NACRE_OK);
             CHECK(glGetError() == GL_NO_ERROR);
             for (const std::string& violation : violations) CHECK_MESSAGE(false, violation);
         }

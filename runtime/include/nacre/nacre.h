@@ -1,11 +1,19 @@
-// Nacre runtime: draws relightable splat assets inside your OpenGL frame. C99, no global state.
+// Nacre runtime: draws scenes of relightable splats inside your OpenGL frame. C99.
 //
-// You own window, GL context, framebuffer, files and threads. Call every function that takes a NacreContext or an asset of it on the
-// thread where the GL context given to nacreContextCreate is current; one that shares objects with it is another one. Where GL can tell,
-// a call in another context fails with NACRE_ERROR_GL, and destroying there frees no GL objects, with a warning. GL 3.3 core or newer.
+// You own window, GL context, framebuffer, files and threads. An asset is immutable data on the GPU. An instance places an asset in the
+// world. A view is a camera with everything that depends on it: keep one for each eye, mirror or player. One call draws all instances of a
+// view in one joint order, whatever their models. Lights belong to the context; masks say which instance sees which.
+//
+// Everything is named by ids that are checked: a stale, null or foreign id gives NACRE_ERROR_INVALID_ARGUMENT, never a crash. Call what
+// takes a context or something of it on the thread where the GL context given to nacreContextCreate is current (nacreAssetDecode: on any
+// thread); one that shares objects with it is another one. Where GL can tell, a call in another context fails with NACRE_ERROR_GL, and
+// destroying there frees no GL objects, with a warning. OpenGL 3.3 core or newer.
+//
+// Structs are zero-initialised by the host: zero always is the default. `structSize` is sizeof as the host compiled it; a smaller one than
+// the library's is an older host's, whose missing fields are zero.
 //
 // Frames: right-handed; matrices are column-major float[16] that multiply column vectors, clip space is OpenGL's (z in [-w, w]) or what
-// glClipControl makes of it.
+// glClipControl makes of it. Vectors to lights point from the surface to the light.
 // Colour: linear Rec.709 radiance. Draw into a linear float target (RGBA16F or RGBA32F) with premultiplied "over" blending.
 #ifndef NACRE_H
 #define NACRE_H
@@ -29,14 +37,14 @@ extern "C" {
 #endif
 
 #define NACRE_VERSION_MAJOR 0
-#define NACRE_VERSION_MINOR 1
+#define NACRE_VERSION_MINOR 2
 #define NACRE_VERSION_PATCH 0
 /// MAJOR*10000 + MINOR*100 + PATCH of the library that is linked (compare with the macros of the header).
 NACRE_API uint32_t nacreVersion(void);
 
 typedef enum NacreResult {
     NACRE_OK = 0,
-    NACRE_ERROR_INVALID_ARGUMENT = 1, // null pointer, non-finite number, wrong structSize
+    NACRE_ERROR_INVALID_ARGUMENT = 1, // null pointer, stale id, non-finite number, wrong structSize
     NACRE_ERROR_BAD_ASSET = 2,        // the bytes are not a valid asset; the message names the part
     NACRE_ERROR_UNSUPPORTED = 3,      // GL too old, a limit too small for this asset
     NACRE_ERROR_OUT_OF_MEMORY = 4,
@@ -45,13 +53,29 @@ typedef enum NacreResult {
 
 typedef enum NacreSeverity { NACRE_INFO = 0, NACRE_WARNING = 1, NACRE_ERROR = 2 } NacreSeverity;
 
-typedef struct NacreContextImpl* NacreContext;
-typedef struct NacreAssetImpl* NacreAsset;
+/// Ids; 0 is none. Copy and compare them freely.
+typedef struct NacreContext { uint64_t id; } NacreContext;
+typedef struct NacreAsset { uint64_t id; } NacreAsset;
+typedef struct NacreInstance { uint64_t id; } NacreInstance;
+typedef struct NacreView { uint64_t id; } NacreView;
+
+// ---- context -----------------------------------------------------------------------------------------------------------------------
 
 /// Same shape as eglGetProcAddress / glfwGetProcAddress with a user pointer.
 typedef void* (*NacreGetProcAddress)(const char* name, void* user);
 /// `text` is one line, valid during the call.
 typedef void (*NacreMessageCallback)(NacreSeverity severity, const char* text, void* user);
+
+typedef enum NacreBackEnd {
+    NACRE_BACK_END_AUTO = 0,   // the fastest that the context can do
+    NACRE_BACK_END_GL33 = 1,   // vertex and fragment shaders only
+    NACRE_BACK_END_GLES3 = 2,  // the same in OpenGL ES 3.0 and WebGL 2
+    NACRE_BACK_END_GL43 = 3    // with compute shaders
+} NacreBackEnd;
+
+enum NacreContextFlags {
+    NACRE_HOST_RESTORES_STATE = 1  // the host sets its GL state again after each call: nothing is read or put back (README, "Embedding")
+};
 
 typedef struct NacreContextDesc {
     size_t structSize;                   // sizeof(NacreContextDesc)
@@ -59,17 +83,40 @@ typedef struct NacreContextDesc {
     void* getProcAddressUser;
     NacreMessageCallback message;        // optional; without it messages are dropped
     void* messageUser;
+    NacreBackEnd backEnd;                // one that the GL context cannot do: NACRE_ERROR_UNSUPPORTED
+    uint32_t flags;                      // NacreContextFlags
 } NacreContextDesc;
 
-/// Compiles nothing yet; checks the GL version and limits. On failure `*context` is NULL.
+/// Compiles nothing yet; checks the GL version and limits. On failure `*context` is 0.
 NACRE_API NacreResult nacreContextCreate(const NacreContextDesc* desc, NacreContext* context);
-/// Frees every GL object of the context. Destroy its assets first. NULL is allowed.
+/// Destroys everything of the context. 0 and stale ids are allowed, here and in the other destroy functions.
 NACRE_API void nacreContextDestroy(NacreContext context);
+/// 1: glFinish around relight, sort and raster so that the stats are true times. Slows drawing down. Default 0.
+NACRE_API void nacreContextSetProfiling(NacreContext context, int enabled);
+
+typedef struct NacreContextInfo {
+    size_t structSize;          // sizeof(NacreContextInfo), set by the caller
+    NacreBackEnd backEnd;       // the one in use
+    uint32_t assets, instances, views;
+    uint64_t gpuBytes;          // textures and buffers of all of them
+    uint32_t programs;          // compiled so far
+} NacreContextInfo;
+NACRE_API NacreResult nacreContextGetInfo(NacreContext context, NacreContextInfo* info);
+
+// ---- assets ------------------------------------------------------------------------------------------------------------------------
 
 /// Uploads an asset (.glb bytes) to the GPU. `bytes` may be freed when this returns. Safe on untrusted input: a damaged file
-/// gives NACRE_ERROR_BAD_ASSET and one message; nothing is created and `*asset` is NULL. A GL error that was pending is cleared, with a
+/// gives NACRE_ERROR_BAD_ASSET and one message; nothing is created and `*asset` is 0. A GL error that was pending is cleared, with a
 /// warning.
 NACRE_API NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset);
+
+/// The same in slices. Decode on any thread, also while the context draws (but destroy the context only afterwards); it makes no GL call.
+/// Then, on the context's thread, upload about `budgetBytes` at each step, at least one piece, until `*bytesLeft` (may be null) is 0.
+/// Instances of an asset that is not complete are not drawn.
+NACRE_API NacreResult nacreAssetDecode(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset);
+NACRE_API NacreResult nacreAssetUploadStep(NacreAsset asset, uint64_t budgetBytes, uint64_t* bytesLeft);
+
+/// Its instances stay until they are destroyed; the data goes with the last of them.
 NACRE_API void nacreAssetDestroy(NacreAsset asset);
 
 typedef struct NacreAssetInfo {
@@ -86,23 +133,26 @@ typedef struct NacreAssetInfo {
 } NacreAssetInfo;
 NACRE_API NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info);
 
-typedef enum NacreLightType { NACRE_LIGHT_POINT = 0, NACRE_LIGHT_DIRECTIONAL = 1 } NacreLightType;
+// ---- instances ---------------------------------------------------------------------------------------------------------------------
 
-/// World space. Point: intensity I, irradiance I / r^2, capped inside `radius` (at least 1 mm).
-/// Directional: `vector` is the unit direction from the surface to the light, intensity is the irradiance; `radius` is the angular radius of
-/// what shines in radians (the sun: 0.0047), 0 to 1.6. It widens highlights, which many lights that stand for an environment need.
-typedef struct NacreLight {
-    NacreLightType type;
-    float vector[3];      // position or direction to light
-    float intensity[3];   // linear rgb, 0 to 1e15
-    float radius;         // see above; 0 is fine
-} NacreLight;
+typedef struct NacreInstanceDesc {
+    size_t structSize;          // sizeof(NacreInstanceDesc)
+    NacreAsset asset;
+    float worldFromAsset[16];   // rigid, mirrored or not, plus uniform scale; all zero: identity
+    uint32_t lightMask;         // lit by lights whose mask has a bit in common; 0: by all
+    uint32_t viewMask;          // drawn in views whose mask has a bit in common; 0: in all
+    int hidden;                 // 1: not drawn
+} NacreInstanceDesc;
 
-#define NACRE_MAX_LIGHTS 256
-
-/// Replaces the lights that illuminate `asset`. Copies them. Relighting runs at the next draw, only if something changed.
-/// NACRE_ERROR_UNSUPPORTED: an asset of this many splats leaves room for fewer lights on this GPU (the message says how many).
-NACRE_API NacreResult nacreAssetSetLights(NacreAsset asset, const NacreLight* lights, size_t count);
+NACRE_API NacreResult nacreInstanceCreate(const NacreInstanceDesc* desc, NacreInstance* instance);
+NACRE_API void nacreInstanceDestroy(NacreInstance instance);
+/// Lights are fixed to the world: moving an instance relights it.
+NACRE_API NacreResult nacreInstanceSetTransform(NacreInstance instance, const float worldFromAsset[16]);
+NACRE_API NacreResult nacreInstanceSetHidden(NacreInstance instance, int hidden);
+NACRE_API NacreResult nacreInstanceSetMasks(NacreInstance instance, uint32_t lightMask, uint32_t viewMask);
+/// Factor of the colour, linear rgb, 0 to 1e4. bigs: of all light it sends. sss: of its base colour and of the light that travels beneath
+/// the surface; highlights of dielectrics keep their colour. Default 1.
+NACRE_API NacreResult nacreInstanceSetTint(NacreInstance instance, const float tint[3]);
 
 typedef enum NacreEditTarget {
     NACRE_EDIT_BASE_COLOR = 0, // value: linear rgb, 0 to 1
@@ -127,49 +177,146 @@ typedef struct NacreEdit {
 
 #define NACRE_MAX_EDITS 64
 
-/// Replaces the edits of `asset`; none brings back what was baked. Multiplying by 1 changes no pixel. Cost at the next draw: all materials
-/// are uploaded again. NACRE_ERROR_UNSUPPORTED: the asset's model has no materials (bigs).
-NACRE_API NacreResult nacreAssetSetEdits(NacreAsset asset, const NacreEdit* edits, size_t count);
+/// Replaces the edits of the instance; none brings back what was baked. Multiplying by 1 changes no pixel. An edited instance has
+/// materials of its own. NACRE_ERROR_UNSUPPORTED: the asset's model has no materials (bigs).
+NACRE_API NacreResult nacreInstanceSetEdits(NacreInstance instance, const NacreEdit* edits, size_t count);
+
+// ---- lights ------------------------------------------------------------------------------------------------------------------------
+
+typedef enum NacreLightType {
+    NACRE_LIGHT_POINT = 0,       // intensity I: irradiance I / r^2, which stops growing inside `radius` (at least 1 mm)
+    NACRE_LIGHT_DIRECTIONAL = 1, // intensity is the irradiance; `radius` is the angular radius of what shines (the sun: 0.0047), 0 to 1.6
+    NACRE_LIGHT_SPOT = 2,        // a point light within a cone, as in KHR_lights_punctual
+    NACRE_LIGHT_SPHERE = 3,      // a sphere of `radius` that shines like a point light of this intensity from afar
+    NACRE_LIGHT_RECTANGLE = 4    // shines to one side, towards `direction`: I cos(angle) / r^2 from afar
+} NacreLightType;
+
+enum NacreLightFlags {
+    NACRE_LIGHT_SPLAT_SHADOWS = 1 // instances shade one another under it (nacreContextSetShadowBudget)
+};
+
+typedef enum NacreShadowMapKind { NACRE_SHADOW_MAP_2D = 0, NACRE_SHADOW_MAP_ARRAY = 1, NACRE_SHADOW_MAP_CUBE = 2 } NacreShadowMapKind;
+
+/// A depth texture that the host has drawn from the light: what lies behind its surfaces gets no light from it. Its sampler state does
+/// not matter and stays. Point lights: a cube map, whose faces look along the axes as in GL.
+typedef struct NacreShadowMap {
+    size_t structSize;            // sizeof(NacreShadowMap)
+    NacreShadowMapKind kind;
+    uint32_t texture;             // GL name
+    uint32_t layers;              // array: cascades, nearest first, 1 to 8; the first that holds a splat counts
+    const float* clipFromWorld;   // 16 numbers a layer; cube: null
+    float nearPlane, farPlane;    // cube: of its faces
+    int distances;                // 1, cube: texels are distance / farPlane instead of depth
+    int reversed;                 // 1: nearer is larger
+    int zeroToOne;                // 1: clip z is in [0, w], as it was drawn with glClipControl; 0: in [-w, w]
+    float bias;                   // world units on top of one that follows from splat and texel size
+    float softness;               // texels: radius of the filter on top of one that covers a splat
+    uint64_t revision;            // one that differs from the last frame's says that texels or matrices have changed
+} NacreShadowMap;
+
+/// World space. Unused fields are ignored.
+typedef struct NacreLight {
+    size_t structSize;            // sizeof(NacreLight); that of the first is the stride of the array
+    NacreLightType type;
+    float position[3];            // all but directional
+    float direction[3];           // unit. directional: from the surface to the light; spot, rectangle: where it shines
+    float intensity[3];           // linear rgb, 0 to 1e15
+    float radius;                 // see the types
+    float range;                  // point, spot, sphere, rectangle: no light beyond (KHR_lights_punctual's window); 0: unlimited
+    float innerCone, outerCone;   // spot: half angles in radians, 0 <= inner < outer <= pi / 2
+    float halfWidth[3];           // rectangle: from its centre to the middle of one side, at a right angle to `direction`
+    float halfHeight;             // rectangle: along cross(direction, halfWidth)
+    uint32_t samples;             // sphere, rectangle: points that stand for it; 0: chosen
+    uint32_t mask;                // see NacreInstanceDesc.lightMask; 0: all bits
+    uint32_t flags;               // NacreLightFlags
+    const NacreShadowMap* shadowMap; // may be null; copied
+} NacreLight;
+
+/// Replaces the lights. Copies them; any number. Relighting runs at the next draw, for what has changed: a light at rest costs nothing, a
+/// moved one its own share.
+NACRE_API NacreResult nacreContextSetLights(NacreContext context, const NacreLight* lights, size_t count);
+
+/// Light from all around. Either pixels or sh.
+typedef struct NacreEnvironment {
+    size_t structSize;            // sizeof(NacreEnvironment)
+    int width, height;            // of the pixels
+    const float* pixels;          // rgb, linear radiance, top row first: equirectangular, -Z in the middle, +X to its right, +Y up; copied
+    const float* sh;              // radiance: 3 * shCount numbers, rgb of function 0, rgb of function 1 ... (order l, m = -l..l)
+    uint32_t shCount;             // 1 (ambient light), 4, 9, 16 or 25
+    float worldFromMap[9];        // rotation, column-major; all zero: identity
+    float intensity;              // factor; 0: 1
+    uint32_t directions;          // that stand for it, 1 to 1024; 0: 64
+    uint32_t mask;                // as of lights
+} NacreEnvironment;
+/// Replaces the environment. Null: none.
+NACRE_API NacreResult nacreContextSetEnvironment(NacreContext context, const NacreEnvironment* environment);
+
+/// Shadows of splats on other instances, under lights that ask for them: per draw at most `mostMaps` maps of `size` x `size` texels are
+/// drawn again, the longest outdated first. Defaults 16 and 128; 0 maps: what is there stays.
+NACRE_API NacreResult nacreContextSetShadowBudget(NacreContext context, uint32_t mostMaps, uint32_t size);
+
+// ---- views -------------------------------------------------------------------------------------------------------------------------
+
+typedef struct NacreViewDesc {
+    size_t structSize;          // sizeof(NacreViewDesc)
+    uint32_t mask;              // see NacreInstanceDesc.viewMask; 0: all bits
+} NacreViewDesc;
+/// `desc` may be null.
+NACRE_API NacreResult nacreViewCreate(NacreContext context, const NacreViewDesc* desc, NacreView* view);
+NACRE_API void nacreViewDestroy(NacreView view);
 
 typedef struct NacreDrawDesc {
     size_t structSize;          // sizeof(NacreDrawDesc)
-    float worldFromAsset[16];   // rigid, mirrored or not, plus uniform scale
-    float viewFromWorld[16];    // the same; usually without scale
-    float clipFromView[16];     // perspective projection; off-centre, jittered, reversed, with an oblique near plane: all are fine
+    float viewFromWorld[16];    // rigid, mirrored or not; usually without scale
+    float clipFromView[16];     // perspective or orthographic; off-centre, jittered, reversed, with an oblique near plane: all are fine
     int viewportWidth;          // pixels of the viewport the host has set (origin as the host set it); 0: nothing is drawn, nothing else is
     int viewportHeight;         // looked at (a minimised window)
     int depthTest;              // 1: test splat centres against the bound depth buffer with the host's depth function; 0: no test
+    int depthWrite;             // 1: afterwards write depth where splats cover the pixel by `depthAlpha`: of the splat that gets it there
+    float depthAlpha;           // 0: 0.5
+    uint64_t maxRelightSplats;  // most splats that are relit by this draw, the longest outdated first; 0: all
+    const NacreInstance* instances; // null: all of the context that are not hidden and whose mask fits
+    size_t instanceCount;
 } NacreDrawDesc;
 
 /// Draws into the bound draw framebuffer. Touched GL state is saved and restored (list in README, "Embedding"). Your viewport, scissor,
-/// stencil test and depth function apply; depth is never written. Cost follows change: with lights, camera and asset at rest only the
-/// splats are blended. In a half-float target splat colours stop at 65504, so that blending makes no infinities. Of several draw buffers
-/// only the first is written. NACRE_ERROR_GL: the bound framebuffer is incomplete. GL errors that were pending stay pending, except
-/// that a draw that needs more GPU memory (the first, more lights, for sss another viewport) clears them, with a warning.
-NACRE_API NacreResult nacreAssetDraw(NacreAsset asset, const NacreDrawDesc* desc);
+/// stencil test and depth function apply. Cost follows change: with lights, camera and instances at rest only the splats are blended. In a
+/// half-float target splat colours stop at 65504, so that blending makes no infinities. Of several draw buffers only the first is written.
+/// NACRE_ERROR_GL: the bound framebuffer is incomplete. GL errors that were pending stay pending, except that a draw that needs more GPU
+/// memory clears them, with a warning.
+NACRE_API NacreResult nacreViewDraw(NacreView view, const NacreDrawDesc* desc);
 
-/// Does ahead what draws would do at first need: compiles the programs that draws with up to `mostLights` lights can need (many lights on
-/// an asset of the model sss: seconds), and, unless `desc` is NULL, sorts and relights for this camera and the lights and edits set now.
-/// Draws nothing, needs no framebuffer. Relighting inside conditional rendering is dropped with the draw; it is noticed and made up a draw
-/// later, but called outside of it this does the work where it counts, and keeps it out of your occlusion queries.
-NACRE_API NacreResult nacreAssetPrepare(NacreAsset asset, const NacreDrawDesc* desc, size_t mostLights);
+/// Draws depth only, into the bound framebuffer: the splats as casters of shadows. `desc` is the light's camera; depthTest and depthWrite
+/// are taken as 1. A splat covers its pixels where its alpha reaches `depthAlpha`.
+NACRE_API NacreResult nacreViewDrawDepth(NacreView view, const NacreDrawDesc* desc);
+
+/// Does ahead what draws would do at first need: compiles the programs that draws of these instances with up to `mostLights` lights can
+/// need (many lights on an asset of the model sss: seconds), and, unless `desc` is null, sorts and relights for this camera and the lights
+/// and edits set now. Draws nothing, needs no framebuffer. Relighting inside conditional rendering is dropped with the draw; it is noticed
+/// and made up a draw later, but called outside of it this does the work where it counts, and keeps it out of your occlusion queries.
+NACRE_API NacreResult nacreViewPrepare(NacreView view, const NacreDrawDesc* desc, size_t mostLights);
 
 /// CPU-side record of the last draw, for tests and profilers.
 typedef struct NacreDrawStats {
     size_t structSize;            // sizeof(NacreDrawStats), set by the caller
     uint32_t splatsDrawn;         // after culling
-    uint32_t lightPassesRun;      // 1 if the light-only part was re-evaluated in the last draw, else 0; a frame or two after a
-                                  // change again, until the GPU has told that it was drawn
-    uint32_t viewPassesRun;       // 1 if the view-only contraction was re-evaluated
-    uint32_t combinePassesRun;    // 1 if the final colours were re-evaluated
+    uint32_t instancesDrawn;
+    uint32_t lightPassesRun;      // instances whose light-only part was re-evaluated, in part or whole; a frame or two after a change
+                                  // again, until the GPU has told that it was drawn
+    uint32_t viewPassesRun;       // instances whose view-only part was re-evaluated
+    uint32_t combinePassesRun;    // instances whose final colours were re-evaluated
+    uint32_t projected;           // 1 if splats were projected again
     uint32_t sorted;              // 1 if the splats were sorted again
+    uint64_t relightSplats;       // splats times light passes of this draw
+    uint64_t relightPending;      // that maxRelightSplats has left for later draws
+    uint32_t lightsUsed;          // lights times instances that were evaluated or kept
+    uint32_t lightsSkipped;       // that reach no instance by range, cone, mask or share
+    uint32_t shadowMapsDrawn;     // of splats
     double relightSeconds;        // CPU wall time of submission unless nacreContextSetProfiling(1), which inserts glFinish
     double sortSeconds;
     double rasterSeconds;
 } NacreDrawStats;
-NACRE_API NacreResult nacreAssetGetDrawStats(NacreAsset asset, NacreDrawStats* stats);
-/// 1: glFinish around relight, sort and raster so that the stats are true times. Slows drawing down. Default 0.
-NACRE_API void nacreContextSetProfiling(NacreContext context, int enabled);
+NACRE_API NacreResult nacreViewGetStats(NacreView view, NacreDrawStats* stats);
 
 #ifdef __cplusplus
 }

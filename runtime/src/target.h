@@ -1,0 +1,14 @@
+// What the host has bound to draw into.
+#pragma once
+
+#include "context.h"
+
+namespace nacre {
+
+/// Fails if it is incomplete or holds integers.
+Failure checkTarget(const Gl& gl);
+
+/// Largest value that it holds; splat colours stop there.
+float largestColor(const Gl& gl);
+
+} // namespace nacre

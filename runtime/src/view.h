@@ -1,0 +1,63 @@
+// A view: what a camera makes of the instances it sees, and the steps of a draw.
+#pragma once
+
+#include "draw_list.h"
+#include "gbuffer.h"
+#include "instance.h"
+#include "order.h"
+
+#include <unordered_map>
+
+namespace nacre {
+
+class Stopwatch;
+
+class View {
+public:
+    explicit View(Context& context) : context_(context), list_(context), gbuffer_(context) {}
+
+    Failure draw(const NacreDrawDesc& desc, std::span<const std::shared_ptr<Instance>> instances);
+    /// Ahead of draws: their programs and, with `desc`, passes and order.
+    Failure prepare(const NacreDrawDesc* desc, std::span<const std::shared_ptr<Instance>> instances, int mostLights);
+    const NacreDrawStats& stats() const { return stats_; }
+    /// What was kept of an instance that is gone.
+    void forget(uint32_t instanceSerial);
+
+    Handle handle;
+    uint32_t mask = ~0u;
+
+private:
+    /// An instance in this view.
+    struct Entry {
+        Instance* instance = nullptr; // of the draw that runs
+        std::unique_ptr<ViewModel> model;
+        ListRows rows;
+        InstanceFrame frame, projected{};
+        uint64_t drawnIn = 0, doneIn = 0, projectedIn = 0;  // draws; done: when nothing of it was outdated
+        uint64_t litList = 0, projectedList = 0, projectedLooks = 0; // revisions
+    };
+
+    Failure update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch);
+    Failure collect(const ViewFrame& frame, std::span<const std::shared_ptr<Instance>> instances);
+    Failure relight(uint64_t budget);
+    Failure project(const ViewFrame& frame);
+    Failure sort(const ViewFrame& frame);
+    Failure splatProgram(const Program** program);
+    Failure rasterQuads(const ViewFrame& frame, bool depthTest, GlStateGuard& state);
+    ViewLights collectLights(const ViewFrame& frame) const;
+    Failure gather(const ViewFrame& frame);
+    Failure rasterShaded(const ViewFrame& frame, bool depthTest, GlStateGuard& state);
+
+    Context& context_;
+    DrawList list_;
+    Gbuffer gbuffer_;
+    Order order_;
+    std::unordered_map<uint32_t, Entry> entries_; // by serial of the instance
+    std::vector<Entry*> drawn_;                   // by this draw, in its order
+    ViewFrame projectedFor_;
+    uint64_t projectedRevision_ = 0, orderedIn_ = 0; // of the list
+    ViewLights lights_;
+    NacreDrawStats stats_{};
+};
+
+} // namespace nacre
