@@ -27,7 +27,7 @@ public:
     {
         const std::lock_guard lock(mutex_);
         const std::shared_ptr<nacre::Context>& c = slots_[h.context];
-        return c && (h.kind != HandleKind::kContext || c->handle.serial == h.serial) ? c : nullptr;
+        return c && (h.kind != HandleKind::kContext || c->handle == h) ? c : nullptr;
     }
     /// 0 if there are too many.
     uint64_t add(std::shared_ptr<nacre::Context> context)
@@ -45,7 +45,7 @@ public:
     {
         const std::lock_guard lock(mutex_);
         std::shared_ptr<nacre::Context>& slot = slots_[h.context];
-        if (h.kind != HandleKind::kContext || !slot || slot->handle.serial != h.serial) return nullptr;
+        if (!slot || slot->handle != h) return nullptr;
         return std::exchange(slot, nullptr);
     }
 

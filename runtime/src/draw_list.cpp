@@ -27,7 +27,8 @@ Failure DrawList::place(uint32_t key, uint32_t splats, ListRows* rows)
     if (first + count > rows_)
         if (Failure f = allocate(std::max(first + count, rows_ + rows_ / 2))) return f;
     const int wide = rowsAt(width_); // allocate may have made the list wider
-    *rows = placed_[key] = {findGap(placed_, wide), wide};
+    *rows = {findGap(placed_, wide), wide};
+    placed_[key] = *rows;
     return {};
 }
 

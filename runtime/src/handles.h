@@ -19,6 +19,7 @@ struct Handle {
     uint32_t serial = 0, index = 0, context = 0;
     HandleKind kind = HandleKind::kContext;
 
+    bool operator==(const Handle&) const = default;
     uint64_t id() const
     {
         return uint64_t(serial) << 32 | uint64_t(index) << (kContextBits + kKindBits) | uint64_t(context) << kKindBits | uint64_t(kind);
