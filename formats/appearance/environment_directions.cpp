@@ -1,13 +1,16 @@
 // Regions are split in two, the worst first, until there are enough. How bad a region is: luminance x spread of its directions, which is
 // what one direction in its place errs by where light is received smoothly. It is cut across the direction in which it spreads most, where
-// the two halves are least bad. All sums are over cells in their order: the same map gives the same directions everywhere.
+// the two halves are least bad. Then, a few times, each cell goes over to the direction that is nearest to it (Lloyd), among those around
+// its own. All sums are over cells in their order: the same map gives the same directions everywhere.
 #include "appearance/environment_directions.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <numbers>
+#include <numeric>
 #include <queue>
 
 namespace nacre {
@@ -16,8 +19,10 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr int kCellsPerDirection = 64;    // at least, in the mean
-constexpr int kMostColumns = 512;         // of cells, unless that is less
+constexpr int kMostColumns = 256;         // of cells, unless that is less
 constexpr int kBins = 256;                // places where a region can be cut
+constexpr int kRounds = 5;                // of Lloyd's
+constexpr size_t kNeighbours = 12;        // that a cell can go over to
 
 double luminance(const glm::dvec3& c) { return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b; }
 
@@ -86,6 +91,39 @@ Region makeRegion(std::span<const EnvironmentCell> cells, const std::vector<uint
     return region;
 }
 
+/// Each cell to the nearest mean; the regions' sums become those of the cells that come to it.
+void settle(std::span<const EnvironmentCell> cells, const std::vector<uint32_t>& list, std::vector<Region>& regions)
+{
+    const size_t count = regions.size(), near = std::min(kNeighbours + 1, count); // itself among them
+    std::vector<uint32_t> home(cells.size());
+    for (size_t r = 0; r < count; ++r)
+        for (size_t k = regions[r].first; k < regions[r].last; ++k) home[list[k]] = uint32_t(r);
+    std::vector<glm::dvec3> means(count);
+    std::vector<uint32_t> around(count), neighbours(count * near);
+    for (int round = 0; round < kRounds; ++round) {
+        for (size_t r = 0; r < count; ++r) means[r] = glm::length(regions[r].sums.moment) > 0 ? glm::normalize(regions[r].sums.moment) : means[r];
+        for (size_t r = 0; r < count; ++r) {
+            std::iota(around.begin(), around.end(), 0u);
+            const auto nearer = [&](uint32_t a, uint32_t b) {
+                const double toA = glm::dot(means[a], means[r]), toB = glm::dot(means[b], means[r]);
+                return toA != toB ? toA > toB : a < b;
+            };
+            std::partial_sort(around.begin(), around.begin() + ptrdiff_t(near), around.end(), nearer);
+            std::copy_n(around.begin(), near, neighbours.begin() + ptrdiff_t(r * near));
+        }
+        for (Region& r : regions) r.sums = {};
+        for (const uint32_t i : list) {
+            const uint32_t* to = &neighbours[home[i] * near];
+            uint32_t best = home[i];
+            for (size_t k = 0; k < near; ++k)
+                if (glm::dot(cells[i].moment, means[to[k]]) > glm::dot(cells[i].moment, means[best])) best = to[k];
+            home[i] = best;
+            regions[best].sums.add(cells[i]);
+        }
+    }
+    std::erase_if(regions, [](const Region& r) { return luminance(r.sums.power) == 0; });
+}
+
 EnvironmentDirection directionOf(const Sums& sums)
 {
     const double length = glm::length(sums.moment), agreement = length / luminance(sums.power); // of a disc: (1 + cos radius) / 2
@@ -142,6 +180,7 @@ std::vector<EnvironmentDirection> environmentDirections(std::span<const Environm
     }
     for (; !open.empty(); open.pop()) done.push_back(open.top());
     std::sort(done.begin(), done.end(), [](const Region& a, const Region& b) { return a.first < b.first; });
+    settle(cells, list, done);
     std::vector<EnvironmentDirection> directions;
     for (const Region& region : done) directions.push_back(directionOf(region.sums));
     return directions;

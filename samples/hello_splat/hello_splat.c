@@ -1,5 +1,5 @@
-/* The smallest host of the Nacre runtime: a headless GL context, one asset, one light, one picture.
- *   hello_splat ASSET.glb OUT.ppm                                                                    */
+/* The smallest host of the Nacre runtime, without a window: EGL, one asset, one light, one picture.
+ *   hello_splat ASSET.glb OUT.ppm                                                                   */
 #define GL_GLEXT_PROTOTYPES
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
@@ -42,20 +42,49 @@ static void makeTarget(void)
     glClear(GL_COLOR_BUFFER_BIT);
 }
 
-static void writePicture(FILE* out)
+/* The asset upright in front of a camera that looks along -Z; returns their distance. */
+static float frame(NacreAsset asset, NacreInstanceDesc* instance, NacreDrawDesc* draw)
 {
+    NacreAssetInfo info = {.structSize = sizeof info};
+    if (nacreAssetGetInfo(asset, &info) != NACRE_OK) return 0;
+    const float x = info.yUpFromAsset[0], y = info.yUpFromAsset[1], z = info.yUpFromAsset[2], w = info.yUpFromAsset[3];
+    const float columns[9] = {1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y), 2 * (x * y - w * z), 1 - 2 * (x * x + z * z),
+                              2 * (y * z + w * x),     2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)};
+    float diagonal2 = 0;
+    for (int c = 0; c < 3; ++c) {
+        const float extent = info.boundsMax[c] - info.boundsMin[c], centre = 0.5f * (info.boundsMax[c] + info.boundsMin[c]);
+        diagonal2 += extent * extent;
+        for (int row = 0; row < 3; ++row) {
+            instance->worldFromAsset[4 * c + row] = columns[3 * c + row];
+            instance->worldFromAsset[12 + row] -= columns[3 * c + row] * centre;
+        }
+        draw->viewFromWorld[5 * c] = 1;
+    }
+    const float distance = 1.5f * sqrtf(diagonal2) + 0.02f;
+    instance->worldFromAsset[15] = draw->viewFromWorld[15] = 1;
+    draw->viewFromWorld[14] = -distance;
+    draw->clipFromView[0] = draw->clipFromView[5] = 2.4f; /* 45 degrees */
+    draw->clipFromView[10] = draw->clipFromView[11] = -1; /* infinite far plane, near plane at 0.01 */
+    draw->clipFromView[14] = -0.02f;
+    return distance;
+}
+
+static int writePicture(const char* path)
+{
+    FILE* out = fopen(path, "wb");
+    if (!out) return fail("cannot open the output");
     fprintf(out, "P6 %d %d 255\n", kSize, kSize);
     for (int y = kSize - 1; y >= 0; --y) /* GL rows run bottom to top */
         for (int x = 0; x < kSize; ++x)
             for (int c = 0; c < 3; ++c) fputc((int)(255.0f * powf(fminf(pixels[4 * (y * kSize + x) + c], 1.0f), 1 / 2.2f) + 0.5f), out);
+    return fclose(out) == 0 ? 0 : fail("cannot write the output");
 }
 
 int main(int argc, char** argv)
 {
     if (argc != 3) return fail("usage: hello_splat ASSET.glb OUT.ppm");
     FILE* in = fopen(argv[1], "rb");
-    if (!in) return fail("cannot open the asset");
-    fseek(in, 0, SEEK_END);
+    if (!in || fseek(in, 0, SEEK_END) != 0) return fail("cannot open the asset");
     const size_t size = (size_t)ftell(in);
     void* bytes = malloc(size);
     rewind(in);
@@ -66,45 +95,18 @@ int main(int argc, char** argv)
     makeTarget();
 
     NacreContext context;
-    NacreAsset asset;
-    const NacreContextDesc contextDesc = {sizeof contextDesc, getProcAddress, NULL, printMessage, NULL};
-    if (nacreContextCreate(&contextDesc, &context) != NACRE_OK) return 1;
-    if (nacreAssetCreate(context, bytes, size, &asset) != NACRE_OK) return 1;
+    const NacreContextDesc contextDesc = {.structSize = sizeof contextDesc, .getProcAddress = getProcAddress, .message = printMessage};
+    NacreInstanceDesc instanceDesc = {.structSize = sizeof instanceDesc};
+    NacreDrawDesc draw = {.structSize = sizeof draw, .viewportWidth = kSize, .viewportHeight = kSize};
+    NacreInstance instance;
+    NacreView view;
+    if (nacreContextCreate(&contextDesc, &context) != NACRE_OK || nacreAssetCreate(context, bytes, size, &instanceDesc.asset) != NACRE_OK) return 1;
     free(bytes);
-
-    /* Frame the asset: turn it +Y up, its centre at the origin, the camera at distance d on +Z. */
-    NacreAssetInfo info = {sizeof info};
-    if (nacreAssetGetInfo(asset, &info) != NACRE_OK) return 1;
-    const float x = info.yUpFromAsset[0], y = info.yUpFromAsset[1], z = info.yUpFromAsset[2], w = info.yUpFromAsset[3];
-    const float r[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
-                        2 * (y * z - w * x),     2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}; /* row-major */
-    NacreDrawDesc draw = {sizeof draw, .viewportWidth = kSize, .viewportHeight = kSize};
-    float diagonal2 = 0;
-    for (int i = 0; i < 3; ++i) {
-        const float extent = info.boundsMax[i] - info.boundsMin[i], centre = 0.5f * (info.boundsMax[i] + info.boundsMin[i]);
-        diagonal2 += extent * extent;
-        for (int row = 0; row < 3; ++row) {
-            draw.worldFromAsset[4 * i + row] = r[3 * row + i];
-            draw.worldFromAsset[12 + row] -= r[3 * row + i] * centre;
-        }
-        draw.viewFromWorld[5 * i] = 1;
-    }
-    const float d = 1.5f * sqrtf(diagonal2) + 0.02f, f = 2.4f; /* 45 degrees */
-    draw.worldFromAsset[15] = draw.viewFromWorld[15] = 1;
-    draw.viewFromWorld[14] = -d;
-    draw.clipFromView[0] = draw.clipFromView[5] = f;
-    draw.clipFromView[10] = draw.clipFromView[11] = -1; /* infinite far plane, near plane at 0.01 */
-    draw.clipFromView[14] = -0.02f;
-
-    const float i = 6 * d * d; /* irradiance I / r^2 of about 2 */
-    const NacreLight light = {NACRE_LIGHT_POINT, {d, d, d}, {i, i, i}, 0};
-    if (nacreAssetSetLights(asset, &light, 1) != NACRE_OK || nacreAssetDraw(asset, &draw) != NACRE_OK) return 1;
+    const float d = frame(instanceDesc.asset, &instanceDesc, &draw), i = 6 * d * d; /* irradiance i / r^2 of about 2 */
+    if (nacreInstanceCreate(&instanceDesc, &instance) != NACRE_OK || nacreViewCreate(context, NULL, &view) != NACRE_OK) return 1;
+    const NacreLight light = {.structSize = sizeof light, .position = {d, d, d}, .intensity = {i, i, i}};
+    if (nacreContextSetLights(context, &light, 1) != NACRE_OK || nacreViewDraw(view, &draw) != NACRE_OK) return 1;
     glReadPixels(0, 0, kSize, kSize, GL_RGBA, GL_FLOAT, pixels);
-    nacreAssetDestroy(asset);
-    nacreContextDestroy(context);
-
-    FILE* out = fopen(argv[2], "wb");
-    if (!out) return fail("cannot open the output");
-    writePicture(out);
-    return fclose(out) == 0 ? 0 : fail("cannot write the output");
+    nacreContextDestroy(context); /* and all that is in it */
+    return writePicture(argv[2]);
 }
