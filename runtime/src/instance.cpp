@@ -35,12 +35,14 @@ static void uploadColumns(const Gl& gl, const Texture& texture, const std::vecto
 Failure Instance::updateLights()
 {
     if (packedLights_ == context.lights.revision() && packedLooks_ == looksRevision && packedMask_ == lightMask) return {};
-    const std::vector<PackedLight> before = lights.packed;
-    packLights(context.lights, {placement.assetFromWorld, float(placement.scale), asset->boundsMin, asset->boundsMax, lightMask}, &lights);
-    const size_t count = lights.packed.size();
-    if (count > size_t(context.gl.maxTextureSize))
+    InstanceLights next = lights;
+    packLights(context.lights, {placement.assetFromWorld, float(placement.scale), asset->boundsMin, asset->boundsMax, lightMask}, &next);
+    const size_t count = next.packed.size();
+    if (count > size_t(context.gl.maxTextureSize)) // and the lights that were stay those that were
         return {NACRE_ERROR_UNSUPPORTED, std::to_string(count) + " lights reach an instance, on this GPU at most " + std::to_string(context.gl.maxTextureSize) +
                                              " can; use masks or ranges"};
+    std::swap(lights, next);
+    const std::vector<PackedLight>& before = next.packed;
     ++revision_;
     size_t first = count, end = 0;
     slotRevisions.resize(std::max(count, before.size()), revision_);

@@ -234,6 +234,26 @@ TEST_CASE("many splats on a small GPU take any number of lights")
     }
 }
 
+TEST_CASE("more lights on an instance than the GPU holds are refused by number, and those set afterwards show what they should")
+{
+    if (!haveGl()) return;
+    smallSize = 256, smallLayers = 256;
+    for (const SplatAsset& asset : {randomAsset(60, 4, 1), randomSss(60, kAllSss, 1)}) {
+        CAPTURE(asset.model);
+        Host host(asset, smallGl), fresh(asset);
+        host.draw(front(), kLamp);
+        std::vector<Light> many;
+        for (int i = 0; i < 300; ++i) many.push_back(pointLight({std::cos(float(i)), 1, 2}, glm::vec3(0.01f)));
+        host.setLights(many);
+        const NacreDrawDesc desc = describe(front());
+        REQUIRE(host.gl->beginFrame(33, 33));
+        CHECK(nacreViewDraw(host.view, &desc) == NACRE_ERROR_UNSUPPORTED);
+        CHECK_MESSAGE(host.lastMessage().find("300 lights") != std::string::npos, host.lastMessage());
+        const std::vector<Light> few(many.begin(), many.begin() + 3); // of those that were refused
+        CHECK(largestDifference(host.draw(front(), few), fresh.draw(front(), few)) == 0.0f);
+    }
+}
+
 // ---- the host's frame ---------------------------------------------------------------------------------------------------------
 
 TEST_CASE("an incomplete framebuffer gives ERROR_GL with its name and leaves no GL error")
