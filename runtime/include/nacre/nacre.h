@@ -74,7 +74,7 @@ typedef enum NacreBackEnd {
 } NacreBackEnd;
 
 enum NacreContextFlags {
-    NACRE_HOST_RESTORES_STATE = 1  // the host sets its GL state again after each call: nothing is read or put back (README, "Embedding")
+    NACRE_HOST_RESTORES_STATE = 1  // the host sets its GL state again after each call: nothing is read or put back (runtime/CONTRACT.md)
 };
 
 typedef struct NacreContextDesc {
@@ -279,7 +279,7 @@ typedef struct NacreDrawDesc {
     size_t instanceCount;
 } NacreDrawDesc;
 
-/// Draws into the bound draw framebuffer. Touched GL state is saved and restored (list in README, "Embedding"). Your viewport, scissor,
+/// Draws into the bound draw framebuffer. Touched GL state is saved and restored (list in runtime/CONTRACT.md). Your viewport, scissor,
 /// stencil test and depth function apply. Cost follows change: with lights, camera and instances at rest only the splats are blended. In a
 /// half-float target splat colours stop at 65504, so that blending makes no infinities. Of several draw buffers only the first is written.
 /// NACRE_ERROR_GL: the bound framebuffer is incomplete. GL errors that were pending stay pending, except that a draw that needs more GPU
