@@ -25,6 +25,7 @@ struct HeadlessGl::Impl {
 #undef X
     GLuint framebuffer = 0, color = 0, depth = 0;
     int width = 0, height = 0;
+    GLenum format = 0;
 };
 
 /// Two libraries do not know of one another's contexts: one lets go before the other takes over.
@@ -83,33 +84,35 @@ void HeadlessGl::makeCurrent()
 
 bool HeadlessGl::isSoftware() const { return impl_->context->software; }
 
-Status HeadlessGl::beginFrame(int width, int height)
+Status HeadlessGl::beginFrame(int width, int height, unsigned format)
 {
     Impl& gl = *impl_;
+    if (!format) format = GL_RGBA32F;
     if (!gl.framebuffer) {
         gl.GenFramebuffers(1, &gl.framebuffer);
         gl.GenRenderbuffers(1, &gl.color);
         gl.GenRenderbuffers(1, &gl.depth);
     }
     gl.BindFramebuffer(GL_FRAMEBUFFER, gl.framebuffer);
-    if (width != gl.width || height != gl.height) {
+    if (width != gl.width || height != gl.height || format != gl.format) {
         GLint most = 0;
         gl.GetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &most);
         if (width < 1 || height < 1 || width > most || height > most)
             return Error{ErrorCode::kGpu, "the frame is " + std::to_string(width) + " x " + std::to_string(height) +
                                               " pixels, this OpenGL draws 1 to " + std::to_string(most) + " a side"};
         gl.BindRenderbuffer(GL_RENDERBUFFER, gl.color);
-        gl.RenderbufferStorage(GL_RENDERBUFFER, GL_RGBA32F, width, height);
+        gl.RenderbufferStorage(GL_RENDERBUFFER, format, width, height);
         gl.BindRenderbuffer(GL_RENDERBUFFER, gl.depth);
         gl.RenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, width, height);
         gl.FramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, gl.color);
         gl.FramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, gl.depth);
         gl.width = gl.height = 0;
         if (gl.CheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-            return Error{ErrorCode::kGpu, "cannot make an RGBA32F framebuffer of " + std::to_string(width) + " x " +
+            return Error{ErrorCode::kGpu, "cannot make a float framebuffer of " + std::to_string(width) + " x " +
                                               std::to_string(height) + " pixels; try a smaller size or --renderer reference"};
         gl.width = width;
         gl.height = height;
+        gl.format = format;
     }
     gl.Viewport(0, 0, width, height);
     const float nothing[4] = {0, 0, 0, 0}, farthest = 1;

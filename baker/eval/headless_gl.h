@@ -25,8 +25,9 @@ public:
     HeadlessGl& operator=(const HeadlessGl&) = delete;
 
     void makeCurrent();
-    /// Binds an RGBA32F framebuffer with depth of this size, sets the viewport, clears colour to 0 and depth to 1.
-    Status beginFrame(int width, int height);
+    /// Binds an RGBA32F framebuffer, or one of another `format` of GL, with depth, of this size; sets the viewport, clears colour to 0 and
+    /// depth to 1.
+    Status beginFrame(int width, int height, unsigned format = 0);
     /// The frame, rows top to bottom.
     Image readFrame();
     /// e.g. "llvmpipe (LLVM 15.0.6, 256 bits), GL 4.5"

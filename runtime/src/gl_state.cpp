@@ -108,6 +108,9 @@ GlStateGuard::Blend GlStateGuard::readBlend(int i) const
     return b;
 }
 
+/// Premultiplied.
+const GlStateGuard::Blend GlStateGuard::kOver{GL_ONE, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA, GL_FUNC_ADD, GL_FUNC_ADD};
+
 void GlStateGuard::readAll()
 {
     const Gl& gl = gl_;
@@ -138,7 +141,7 @@ void GlStateGuard::readAll()
         b.blend = gl.IsEnabledi ? gl.IsEnabledi(GL_BLEND, i) : gl.IsEnabled(GL_BLEND);
         if (i == 0) std::copy_n(target_.mask, 4, b.mask);
         else gl.GetBooleani_v(GL_COLOR_WRITEMASK, i, b.mask);
-        if (i == 0 || gl.GetIntegeri_v) b.factors = readBlend(i);
+        if (i == 0) b.factors = readBlend(i);
     }
     if (gl.PolygonMode) {
         polygonMode_[0] = polygonMode_[1] = 0;
@@ -164,6 +167,18 @@ void GlStateGuard::neutralise()
         gl.ClampColor(kClampFragmentColor, GL_FALSE);
     }
     if (gl.PolygonMode) gl.PolygonMode(GL_FRONT_AND_BACK, GL_FILL);
+}
+
+/// Where blending has no index, of all draw buffers.
+void GlStateGuard::setBlending(int i, const Blend& b) const
+{
+    if (gl_.BlendFuncSeparatei) {
+        gl_.BlendEquationSeparatei(GLuint(i), GLenum(b.equationRgb), GLenum(b.equationAlpha));
+        gl_.BlendFuncSeparatei(GLuint(i), GLenum(b.srcRgb), GLenum(b.dstRgb), GLenum(b.srcAlpha), GLenum(b.dstAlpha));
+    } else {
+        gl_.BlendEquationSeparate(GLenum(b.equationRgb), GLenum(b.equationAlpha));
+        gl_.BlendFuncSeparate(GLenum(b.srcRgb), GLenum(b.dstRgb), GLenum(b.srcAlpha), GLenum(b.dstAlpha));
+    }
 }
 
 void GlStateGuard::beginPasses()
@@ -193,6 +208,13 @@ void GlStateGuard::beginOffscreen(bool depthTest)
 {
     readTarget();
     disturbed_ = true;
+    if (gl_.BlendFuncSeparatei && !allBlending_) {
+        for (int i = 1; i < drawBufferCount_; ++i) {
+            if (kind_ == HostState::kPutBack) drawBuffers_[i].factors = readBlend(i);
+            setBlending(i, kOver);
+        }
+        allBlending_ = true;
+    }
     setViewport(gl_, target_.viewport);
     setScissor(gl_, false);
     gl_.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
@@ -204,8 +226,7 @@ void GlStateGuard::beginBlending(bool depthTest)
     set(gl_, GL_DEPTH_TEST, depthTest);
     gl_.DepthMask(GL_FALSE);
     gl_.Enable(GL_BLEND);
-    gl_.BlendEquationSeparate(GL_FUNC_ADD, GL_FUNC_ADD);
-    gl_.BlendFuncSeparate(GL_ONE, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    setBlending(0, kOver);
 }
 
 /// The host's framebuffer is bound.
@@ -251,18 +272,14 @@ GlStateGuard::~GlStateGuard()
     for (size_t i = 0; i < kToggleCount; ++i)
         if (kToggles[i].in(gl)) set(gl, kToggles[i].name, toggles_[i]);
     const DrawBuffer& first = drawBuffers_[0]; // plain calls set all; where a state has an index, the others follow
-    gl.BlendEquationSeparate(first.factors.equationRgb, first.factors.equationAlpha);
-    gl.BlendFuncSeparate(first.factors.srcRgb, first.factors.dstRgb, first.factors.srcAlpha, first.factors.dstAlpha);
+    setBlending(0, first.factors);
     gl.ColorMask(first.mask[0], first.mask[1], first.mask[2], first.mask[3]);
     set(gl, GL_BLEND, first.blend);
     for (int i = 1; i < drawBufferCount_; ++i) {
         const DrawBuffer& b = drawBuffers_[i];
         (b.blend ? gl.Enablei : gl.Disablei)(GL_BLEND, i);
         gl.ColorMaski(i, b.mask[0], b.mask[1], b.mask[2], b.mask[3]);
-        if (gl.BlendFuncSeparatei) {
-            gl.BlendEquationSeparatei(i, b.factors.equationRgb, b.factors.equationAlpha);
-            gl.BlendFuncSeparatei(i, b.factors.srcRgb, b.factors.dstRgb, b.factors.srcAlpha, b.factors.dstAlpha);
-        }
+        if (allBlending_) setBlending(i, b.factors);
     }
     if (gl.PolygonMode) {
         if (polygonMode_[0] == polygonMode_[1]) {

@@ -53,6 +53,7 @@ private:
     static constexpr size_t kToggleCount = 18, kLegacyToggleCount = 2, kUnpackCount = 8;
     struct Unit { GLint texture2D, texture2DArray, sampler; };
     struct Blend { GLint srcRgb, dstRgb, srcAlpha, dstAlpha, equationRgb, equationAlpha; };
+    static const Blend kOver;
     struct DrawBuffer { GLboolean blend, mask[4]; Blend factors; };
     struct Target { // what passes replace and the draw wants back
         GLint framebuffer;
@@ -64,6 +65,7 @@ private:
     void readAll();
     Blend readBlend(int drawBuffer) const;
     void neutralise();
+    void setBlending(int drawBuffer, const Blend& b) const;
     void beginBlending(bool depthTest);
     void drawIntoFirst();
     void pauseTransformFeedback();
@@ -71,7 +73,7 @@ private:
     const Gl& gl_;
     const HostState kind_;
     const int drawBufferCount_; // that have a state of their own
-    bool targetRead_ = false, disturbed_ = false;
+    bool targetRead_ = false, disturbed_ = false, allBlending_ = false; // the last: functions of all draw buffers have been read, and changed
     Target target_;
     std::vector<GLenum> hostDrawBuffers_; // empty unless they have been replaced
     GLint readFramebuffer_, vertexArray_, program_, activeTexture_, unpackBuffer_;

@@ -313,7 +313,9 @@ static std::map<std::string, std::vector<double>> snapshot()
     I(GL_DEPTH_FUNC, 1); I(GL_DEPTH_WRITEMASK, 1); I(GL_CULL_FACE_MODE, 1); I(GL_FRONT_FACE, 1); I(GL_POLYGON_MODE, 1);
     I(GL_STENCIL_FUNC, 1); I(GL_STENCIL_REF, 1); I(GL_STENCIL_VALUE_MASK, 1); I(GL_STENCIL_WRITEMASK, 1); I(GL_STENCIL_FAIL, 1);
     I(GL_SCISSOR_BOX, 4); I(GL_LOGIC_OP_MODE, 1); I(GL_PRIMITIVE_RESTART_INDEX, 1); I(GL_PROVOKING_VERTEX, 1);
-    I(GL_CLIP_ORIGIN, 1); I(GL_CLIP_DEPTH_MODE, 1);
+    I(GL_CLIP_ORIGIN, 1); I(GL_CLIP_DEPTH_MODE, 1); I(GL_PROGRAM_PIPELINE_BINDING, 1); I(GL_COPY_READ_BUFFER_BINDING, 1);
+    I(GL_COPY_WRITE_BUFFER_BINDING, 1); I(GL_TEXTURE_BUFFER_BINDING, 1); I(GL_SHADER_STORAGE_BUFFER_BINDING, 1);
+    I(GL_ATOMIC_COUNTER_BUFFER_BINDING, 1); I(GL_DRAW_INDIRECT_BUFFER_BINDING, 1); I(GL_DISPATCH_INDIRECT_BUFFER_BINDING, 1);
 #undef I
     floats("viewport", GL_VIEWPORT, 4);
     floats("depth range", GL_DEPTH_RANGE, 2);
@@ -358,11 +360,13 @@ static std::map<std::string, std::vector<double>> snapshot()
         }
     }
     glActiveTexture(GLenum(active));
-    for (GLuint i = 0; i < 4; ++i) {
-        GLint v = 0;
-        glGetIntegeri_v(GL_UNIFORM_BUFFER_BINDING, i, &v);
-        state["uniform buffer " + std::to_string(i)] = {double(v)};
-    }
+    for (GLuint i = 0; i < 8; ++i)
+        for (const GLenum what : {GL_UNIFORM_BUFFER_BINDING, GL_UNIFORM_BUFFER_START, GL_UNIFORM_BUFFER_SIZE, GL_SHADER_STORAGE_BUFFER_BINDING,
+                                  GL_SHADER_STORAGE_BUFFER_START, GL_SHADER_STORAGE_BUFFER_SIZE, GL_ATOMIC_COUNTER_BUFFER_BINDING}) {
+            GLint64 v = 0;
+            glGetInteger64i_v(what, i, &v);
+            state["indexed buffers " + std::to_string(i)].push_back(double(v));
+        }
     for (GLuint i = 0; i < 8; ++i)
         for (const GLenum what : {GL_IMAGE_BINDING_NAME, GL_IMAGE_BINDING_LEVEL, GL_IMAGE_BINDING_LAYERED, GL_IMAGE_BINDING_LAYER, GL_IMAGE_BINDING_ACCESS,
                                   GL_IMAGE_BINDING_FORMAT}) {
@@ -388,16 +392,20 @@ static void scramble(GLuint framebuffer)
     glLinkProgram(program);
     glUseProgram(program);
 
-    GLuint names[8];
+    GLuint names[12];
+    glGenProgramPipelines(1, names);
+    glBindProgramPipeline(names[0]);
     glGenVertexArrays(1, names);
     glBindVertexArray(names[0]);
-    glGenBuffers(5, names);
-    const GLenum targets[] = {GL_ARRAY_BUFFER, GL_ELEMENT_ARRAY_BUFFER, GL_UNIFORM_BUFFER, GL_PIXEL_UNPACK_BUFFER, GL_PIXEL_PACK_BUFFER};
-    for (int i = 0; i < 5; ++i) {
+    glGenBuffers(12, names);
+    const GLenum targets[] = {GL_ARRAY_BUFFER, GL_ELEMENT_ARRAY_BUFFER, GL_UNIFORM_BUFFER, GL_PIXEL_UNPACK_BUFFER, GL_PIXEL_PACK_BUFFER, GL_COPY_READ_BUFFER,
+                              GL_COPY_WRITE_BUFFER, GL_TEXTURE_BUFFER, GL_SHADER_STORAGE_BUFFER, GL_ATOMIC_COUNTER_BUFFER, GL_DRAW_INDIRECT_BUFFER, GL_DISPATCH_INDIRECT_BUFFER};
+    for (int i = 0; i < 12; ++i) {
         glBindBuffer(targets[i], names[i]);
         glBufferData(targets[i], 1 << 16, nullptr, GL_STATIC_DRAW);
     }
     glBindBufferBase(GL_UNIFORM_BUFFER, 0, names[2]);
+    for (GLuint i = 0; i < 8; ++i) glBindBufferRange(GL_SHADER_STORAGE_BUFFER, i, names[8], 256 * i, 256);
     glBindFramebuffer(GL_READ_FRAMEBUFFER, 0);
     glBindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
     for (GLuint unit = 0; unit < 8; ++unit) {

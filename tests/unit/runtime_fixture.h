@@ -19,20 +19,22 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <numeric>
 #include <random>
 
 namespace nacre::test {
 
-/// False, with a line that says SKIPPED and why, where no OpenGL context can be made.
-inline bool haveGl()
+/// False, with a line that says SKIPPED and why, where no such OpenGL context can be made.
+inline bool haveGl(HeadlessKind kind = HeadlessKind::kEgl)
 {
-    static const std::string missing = [] {
-        const auto gl = HeadlessGl::create();
-        return gl ? std::string() : gl.error().message;
-    }();
-    if (!missing.empty()) MESSAGE("SKIPPED: ", missing);
-    return missing.empty();
+    static std::map<HeadlessKind, std::string> known;
+    if (!known.contains(kind)) {
+        const auto gl = HeadlessGl::create(kind);
+        known[kind] = gl ? std::string() : gl.error().message;
+    }
+    if (!known[kind].empty()) MESSAGE("SKIPPED: ", known[kind]);
+    return known[kind].empty();
 }
 
 inline Camera lookAt(glm::dvec3 eye, glm::dvec3 target, int width, int height, double focal)
@@ -312,17 +314,26 @@ inline NacreDrawDesc describe(const Camera& camera, std::span<const NacreInstanc
     return desc;
 }
 
+struct HostOptions {
+    HeadlessKind kind = HeadlessKind::kEgl;
+    NacreBackEnd backEnd = NACRE_BACK_END_AUTO;
+    uint32_t flags = 0; // NacreContextFlags
+    NacreGetProcAddress getProcAddress = HeadlessGl::getProcAddress;
+};
+
 /// A host application in miniature: one view, one instance of one asset unless a test makes more.
 class Host {
 public:
-    explicit Host(NacreGetProcAddress getProcAddress = HeadlessGl::getProcAddress)
+    explicit Host(NacreGetProcAddress getProcAddress = HeadlessGl::getProcAddress) : Host(HostOptions{.getProcAddress = getProcAddress}) {}
+    explicit Host(const HostOptions& options)
     {
-        auto made = HeadlessGl::create();
+        auto made = HeadlessGl::create(options.kind);
         REQUIRE(made);
         gl = std::move(*made);
         NacreContextDesc desc{};
         desc.structSize = sizeof desc;
-        desc.getProcAddress = getProcAddress;
+        desc.getProcAddress = options.getProcAddress;
+        desc.backEnd = options.backEnd, desc.flags = options.flags;
         desc.message = [](NacreSeverity, const char* text, void* user) { static_cast<Host*>(user)->messages.push_back(text); };
         desc.messageUser = this;
         REQUIRE(nacreContextCreate(&desc, &context) == NACRE_OK);
