@@ -7,7 +7,7 @@ packages=(
     libglm-dev libtinygltf-dev nlohmann-json3-dev libstb-dev                       # formats
     libopenexr-dev libdraco-dev libjpeg-dev                                         # datasets and meshes
     libtbb-dev libhwy-dev libembree-dev libcli11-dev                                # baker and command line
-    libgl-dev libopengl-dev libegl-dev libegl-mesa0 libgl1-mesa-dri libosmesa6-dev  # headless OpenGL
+    libgl-dev libopengl-dev libegl-dev libegl-mesa0 libgl1-mesa-dri libosmesa6-dev libgles-dev  # headless OpenGL
     libglfw3-dev libimgui-dev                                                       # samples/viewer
     doctest-dev xvfb xauth                                                          # tests
 )
