@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# Packs what a machine with a GPU and nothing of ours installed needs to run every GPU check: the built programs, their libraries and
+# small assets, in one folder under 60 MB. There: FOLDER/run.sh.
+#   tests/gpu/bundle.sh [OUT_DIR] [BUILD_DIR]      default build/gpu_bundle and build, made with -DNACRE_BUILD_BENCH=ON
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+build=$(realpath "${2:-$root/build}")
+out=${1:-$build/gpu_bundle}
+
+programs=(tests/test_runtime tests/bench_scene tests/bench_gl baker/nacre)
+for program in "${programs[@]}"; do
+    [ -x "$build/$program" ] && continue
+    echo "bundle.sh: there is no $build/$program; build with: cmake --preset release -DNACRE_BUILD_BENCH=ON && cmake --build build" >&2
+    exit 2
+done
+
+rm -rf "$out"
+mkdir -p "$out/bin" "$out/lib" "$out/assets"
+for program in "${programs[@]}"; do
+    strip -o "$out/bin/$(basename "$program")" "$build/$program"
+done
+cp "$root"/samples/assets/*.glb "$out/assets/"
+cp "$root/tests/gpu/run.sh" "$out/"
+
+# Libraries of ours and the loader of GL's drivers, with all that they load. libc goes into a folder of its own: it is used where the other
+# machine's is older.
+mkdir "$out/libc"
+for program in "$out"/bin/*; do ldd "$program"; done | awk '$3 ~ /^\// { print $3 } $1 ~ /^\// { print $1 }' | sort -u | while read -r library; do
+    case $(basename "$library") in
+        ld-linux-*|libc.so.*|libm.so.*|libpthread.so.*|libdl.so.*|librt.so.*) cp -L "$library" "$out/libc/" ;;
+        *) cp -L "$library" "$out/lib/" ;;
+    esac
+done
+size=$(du -sm "$out" | cut -f1)
+echo "$out: $size MB"
+[ "$size" -lt 60 ] || { echo "bundle.sh: more than 60 MB" >&2; exit 1; }

@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# Every check that wants a GPU, in one command, under nine minutes. Runs where it lies (tests/gpu/bundle.sh made the folder).
+#   run.sh [OUT_DIR]      default results; OUT_DIR/<gpu>.json is for tests/bench/results/
+# Ends with 0 if all checks pass, whatever draws; the first lines say whether that is a GPU.
+set -uo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+out=${1:-results}
+mkdir -p "$out" && out=$(cd "$out" && pwd)
+
+# The GPU's driver announces itself by a file that a bare machine may lack.
+if [ -z "${__EGL_VENDOR_LIBRARY_FILENAMES:-}" ] && ldconfig -p 2>/dev/null | grep -q libEGL_nvidia.so.0 &&
+    ! ls /usr/share/glvnd/egl_vendor.d/*nvidia* /etc/glvnd/egl_vendor.d/*nvidia* >/dev/null 2>&1; then
+    echo '{"file_format_version": "1.0.0", "ICD": {"library_path": "libEGL_nvidia.so.0"}}' > "$out/nvidia_egl.json"
+    export __EGL_VENDOR_LIBRARY_FILENAMES="$out/nvidia_egl.json"
+fi
+
+# Our own libc only where the machine's is too old for the programs.
+start=(env "LD_LIBRARY_PATH=$here/lib:${LD_LIBRARY_PATH:-}")
+if ! "${start[@]}" "$here/bin/nacre" --help >/dev/null 2>&1; then
+    start=("$here/libc/ld-linux-x86-64.so.2" --library-path "$here/libc:$here/lib:/usr/lib/x86_64-linux-gnu:${LD_LIBRARY_PATH:-}")
+fi
+
+failed=0
+check() { # name, seconds, command
+    local name=$1 seconds=$2
+    shift 2
+    echo "== $name"
+    if timeout "$seconds" "${start[@]}" "$@" > "$out/$name.log" 2>&1; then
+        echo "passed"
+    else
+        echo "FAILED ($?), the end of $out/$name.log:"
+        tail -20 "$out/$name.log"
+        failed=1
+    fi
+}
+
+check scenes 150 "$here/bin/bench_scene" 60 "$out/scene.json"
+cat "$out/scenes.log"
+check frames 120 "$here/bin/bench_gl" 50 10 30000
+cat "$out/frames.log"
+check runtime 240 "$here/bin/test_runtime" --minimal
+tail -3 "$out/runtime.log"
+
+if [ -f "$out/scene.json" ]; then
+    name=$(sed -n 's/.*"renderer": "\([^"(,]*\).*/\1/p' "$out/scene.json" | tr -cs 'A-Za-z0-9' '_' | sed 's/_*$//')
+    mv "$out/scene.json" "$out/${name:-unknown}.json"
+    echo "results: $out/${name:-unknown}.json"
+fi
+exit $failed
