@@ -39,9 +39,8 @@ Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& a
 /// Takes what is in the units of the dataset to a renderer of the asset's own.
 std::unique_ptr<SplatRenderer> inDatasetFrame(const AssetFrame& frame, std::unique_ptr<SplatRenderer> renderer);
 
-/// Replaces an environment light by `count` directional lights, one per cell of equal solid angle (spherical Fibonacci): irradiance
-/// is the map's radiance integrated over the cell, direction its luminance-weighted mean. Other lights pass through. Axes: +Z up,
-/// see environment.cpp.
+/// Replaces an environment light by at most `count` directional lights that err least (appearance/environment_directions.h), of the same
+/// irradiance in all. Other lights pass through.
 Result<std::vector<Light>> expandEnvironment(const Light& light, int count);
 
 } // namespace nacre
