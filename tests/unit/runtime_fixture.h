@@ -168,8 +168,8 @@ inline LightSample<double> sampleLight(const Light& light, const double p[3])
     return samplePointLight<double>(position, light.radius, p);
 }
 
-/// Radiance of splat `g` towards `eye`, in float64.
-inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 eye, std::span<const Light> lights)
+/// Radiance of a bigs splat along the unit direction `out` per unit irradiance from the unit direction `in`, in float64.
+inline glm::dvec3 bigsRadiance(const SplatAsset& asset, size_t g, const glm::dvec3& out, const glm::dvec3& in, double widening)
 {
     const auto row = [&](const char* name) {
         const Channel* c = asset.find(name);
@@ -185,28 +185,35 @@ inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 e
     const BigsCoefficients<double> k{tDir.data(), tInd.data(), rho.data(), s.data(), functions, lobe.empty() ? nullptr : lobe.data(),
                                      visibility ? VisibilityMap{&visibility->bytes[g * visibility->components], visibilitySize(visibility->components)} : VisibilityMap{},
                                      asset.find("shadow") ? double(asset.find("shadow")->values[g]) : 1.0};
-    const glm::dvec3 mean = asset.cloud.positions[g], out = glm::length(eye - mean) > 0 ? glm::normalize(eye - mean) : glm::dvec3(0, 0, 1);
     double y[25], a[75];
     shBasis(25, out.x, out.y, out.z, y);
     bigsContractView(k, y, a);
+    shBasis(25, in.x, in.y, in.z, y);
+    const BigsTerms<double> terms = bigsTerms(k, a, y);
+    const BigsSharpTerms<double> sharp = bigsSharpTerms(k, &out.x, &in.x, widening);
+    return {bigsTransport(terms, sharp, 0), bigsTransport(terms, sharp, 1), bigsTransport(terms, sharp, 2)};
+}
+
+/// Of splat `g` towards `eye` under point and directional lights.
+inline glm::dvec3 referenceColor(const SplatAsset& asset, size_t g, glm::dvec3 eye, std::span<const Light> lights)
+{
+    const glm::dvec3 mean = asset.cloud.positions[g], out = glm::length(eye - mean) > 0 ? glm::normalize(eye - mean) : glm::dvec3(0, 0, 1);
     glm::dvec3 color(0);
     for (const Light& light : lights) {
-        const double p[3] = {mean.x, mean.y, mean.z};
-        const LightSample<double> w = sampleLight(light, p);
-        shBasis(25, w.dir[0], w.dir[1], w.dir[2], y);
-        const BigsTerms<double> terms = bigsTerms(k, a, y);
-        const BigsSharpTerms<double> sharp = bigsSharpTerms(k, &out.x, w.dir, double(highlightWidening(light)));
-        for (int c = 0; c < 3; ++c) color[c] += double(light.intensity[c]) * w.falloff * bigsTransport(terms, sharp, c);
+        const LightSample<double> w = sampleLight(light, &mean.x);
+        color += w.falloff * glm::dvec3(light.intensity) * bigsRadiance(asset, g, out, {w.dir[0], w.dir[1], w.dir[2]}, double(highlightWidening(light)));
     }
     return color;
 }
 
-/// The whole image in float64: what the runtime should draw.
-inline Image referenceImage(const SplatAsset& asset, const Camera& camera, std::span<const Light> lights)
+/// Splats blended in float64: channelsOf(g) gives numbers to blend, colorOf(blended, alpha, ray) makes the pixel of their sums.
+template <class ChannelsOf, class ColorOf>
+Image blendedImage(const SplatAsset& asset, const Camera& camera, ChannelsOf channelsOf, ColorOf colorOf)
 {
     const View<double> view = makeView<double>(camera, asset.lowPassVariance);
     std::vector<ProjectedGaussian<double>> splats;
-    std::vector<double> colors;
+    std::vector<double> values;
+    size_t channels = 0;
     for (size_t g = 0; g < asset.cloud.count; ++g) {
         const glm::vec3 &p = asset.cloud.positions[g], &s = asset.cloud.scales[g];
         const glm::quat& q = asset.cloud.rotations[g];
@@ -214,22 +221,36 @@ inline Image referenceImage(const SplatAsset& asset, const Camera& camera, std::
         ProjectedGaussian<double> projected;
         if (!projectGaussian(view, geometry, projected)) continue;
         splats.push_back(projected);
-        const glm::dvec3 c = referenceColor(asset, g, camera.position(), lights);
-        colors.insert(colors.end(), {c.x, c.y, c.z});
+        const std::vector<double> own = channelsOf(g);
+        values.insert(values.end(), own.begin(), own.end());
+        channels = own.size();
     }
     std::vector<uint32_t> order(splats.size());
     std::iota(order.begin(), order.end(), 0u);
     std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) { return splats[a].distance < splats[b].distance; });
     Image image{camera.width, camera.height, std::vector<float>(size_t(4) * camera.width * camera.height)};
+    std::vector<double> blended(channels);
     for (int y = 0; y < camera.height; ++y)
         for (int x = 0; x < camera.width; ++x) {
-            double c[3];
-            const double alpha = blendPixel<double>(order, splats.data(), colors.data(), 3, x + 0.5, y + 0.5, c);
+            const double alpha = blendPixel<double>(order, splats.data(), values.data(), int(channels), x + 0.5, y + 0.5, blended.data());
+            const glm::dvec3 color = colorOf(blended.data(), alpha, pixelRay(camera, x + 0.5, y + 0.5));
             float* out = image.pixel(x, y);
-            for (int k = 0; k < 3; ++k) out[k] = float(c[k]);
+            for (int k = 0; k < 3; ++k) out[k] = float(color[k]);
             out[3] = float(alpha);
         }
     return image;
+}
+
+/// The whole image in float64: what the runtime should draw.
+inline Image referenceImage(const SplatAsset& asset, const Camera& camera, std::span<const Light> lights)
+{
+    return blendedImage(
+        asset, camera,
+        [&](size_t g) {
+            const glm::dvec3 c = referenceColor(asset, g, camera.position(), lights);
+            return std::vector<double>{c.x, c.y, c.z};
+        },
+        [](const double* blended, double, const glm::dvec3&) { return glm::dvec3(blended[0], blended[1], blended[2]); });
 }
 
 inline float largest(const Image& a)

@@ -222,11 +222,12 @@ typedef struct NacreLight {
     float direction[3];           // unit. directional: from the surface to the light; spot, rectangle: where it shines
     float intensity[3];           // linear rgb, 0 to 1e15
     float radius;                 // see the types
-    float range;                  // point, spot, sphere, rectangle: no light beyond (KHR_lights_punctual's window); 0: unlimited
+    float range;                  // point, spot, sphere, rectangle: no light beyond (KHR_lights_punctual's window, of the points that stand
+                                  // for sphere and rectangle); 0: unlimited
     float innerCone, outerCone;   // spot: half angles in radians, 0 <= inner < outer <= pi / 2
     float halfWidth[3];           // rectangle: from its centre to the middle of one side, at a right angle to `direction`
     float halfHeight;             // rectangle: along cross(direction, halfWidth)
-    uint32_t samples;             // sphere, rectangle: points that stand for it; 0: chosen
+    uint32_t samples;             // sphere, rectangle: points that stand for it, up to 1024; 0: chosen for each instance, fewer from afar
     uint32_t mask;                // see NacreInstanceDesc.lightMask; 0: all bits
     uint32_t flags;               // NacreLightFlags
     const NacreShadowMap* shadowMap; // may be null; copied
@@ -236,7 +237,7 @@ typedef struct NacreLight {
 /// moved one its own share.
 NACRE_API NacreResult nacreContextSetLights(NacreContext context, const NacreLight* lights, size_t count);
 
-/// Light from all around. Either pixels or sh.
+/// Light from all around. Either pixels or sh; where they are negative, as filtered maps and series are, nothing shines.
 typedef struct NacreEnvironment {
     size_t structSize;            // sizeof(NacreEnvironment)
     int width, height;            // of the pixels

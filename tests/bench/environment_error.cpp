@@ -1,0 +1,99 @@
+// What an environment costs in directional lights: PSNR of the split `environment` of a dataset, drawn with 8 to 512 of them, chosen
+// as the runtime does (environmentDirections) and spread evenly; and how far each is from 512 of the former. Scalar renderer.
+//   environment_error ASSET.glb DATASET
+#include "appearance/environment_directions.h"
+#include "asset/asset_io.h"
+#include "base/fibonacci_sphere.h"
+#include "dataset/environment_map.h"
+#include "dataset/olat_dataset.h"
+#include "eval/evaluate.h"
+#include "eval/metrics.h"
+#include "eval/splat_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+using namespace nacre;
+
+namespace {
+
+double luminance(const glm::dvec3& c) { return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b; }
+
+/// Cells of about equal solid angle around Fibonacci directions.
+std::vector<EnvironmentDirection> spreadEvenly(const std::vector<EnvironmentCell>& cells, int count)
+{
+    std::vector<EnvironmentCell> sums(static_cast<size_t>(count));
+    for (const EnvironmentCell& c : cells) {
+        int best = 0;
+        for (int i = 1; i < count; ++i)
+            if (glm::dot(fibonacciDirection(i, count), c.moment) > glm::dot(fibonacciDirection(best, count), c.moment)) best = i;
+        sums[size_t(best)].power += c.power, sums[size_t(best)].moment += c.moment;
+    }
+    std::vector<EnvironmentDirection> out;
+    for (const EnvironmentCell& s : sums)
+        if (const double length = glm::length(s.moment); length > 0)
+            out.push_back({s.moment / length, s.power, std::acos(std::clamp(2 * length / luminance(s.power) - 1, -1.0, 1.0))});
+    return out;
+}
+
+std::vector<Light> toLights(const std::vector<EnvironmentDirection>& directions, const Light& environment)
+{
+    const glm::dmat3 worldFromMap = worldFromEnvironment(glm::normalize(glm::dvec3(environment.directionToLight)));
+    std::vector<Light> lights;
+    for (const EnvironmentDirection& d : directions) {
+        Light light;
+        light.type = LightType::kDirectional;
+        light.directionToLight = worldFromMap * d.direction;
+        light.intensity = d.irradiance * glm::dvec3(environment.intensity);
+        light.radius = float(d.angularRadius);
+        lights.push_back(light);
+    }
+    return lights;
+}
+
+template <class T>
+T orExit(Result<T> r)
+{
+    if (!r) std::fprintf(stderr, "environment_error: %s\n", r.error().message.c_str()), std::exit(1);
+    return std::move(*r);
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+    if (argc != 3) return std::fputs("usage: environment_error ASSET.glb DATASET\n", stderr), 2;
+    const SplatAsset asset = orExit(readAsset(argv[1]));
+    const OlatDataset dataset = orExit(loadDataset(argv[2]));
+    const OlatSplit* split = dataset.find("environment");
+    if (!split) return std::fputs("no split 'environment'\n", stderr), 1;
+    const auto renderer = orExit(makeReferenceRenderer(asset));
+    ImageCache references(dataset, size_t(64) << 20);
+    std::vector<Image> exact;
+    std::printf("%10s %12s %12s %14s | %12s %12s\n", "directions", "PSNR", "masked", "against 512", "evenly PSNR", "masked");
+    for (const int count : {512, 256, 128, 64, 32, 16, 8}) {
+        ImageMetrics mean[2]{};
+        double against = 0;
+        for (size_t i = 0; i < split->images.size(); ++i) {
+            const OlatImage& source = split->images[i];
+            const Image map = orExit(readEnvironmentMap(source.light.environmentPath));
+            const auto cells = environmentCells(map.rgba.data(), map.width, map.height, 4, count);
+            const auto reference = orExit(references.load(*split, i));
+            for (const int even : {0, 1}) {
+                const auto lights = toLights(even ? spreadEvenly(cells, count) : environmentDirections(cells, count), source.light);
+                const Image image = orExit(renderer->render(split->cameras[source.camera], lights));
+                const ImageMetrics m = compareImages(image, *reference);
+                mean[even].psnr += m.psnr, mean[even].psnrMasked += m.psnrMasked;
+                if (even) continue;
+                if (count == 512) exact.push_back(image);
+                else against += compareImages(image, exact[i]).psnr;
+            }
+        }
+        const double n = double(split->images.size());
+        std::printf("%10d %12.3f %12.3f %14.2f | %12.3f %12.3f\n", count, mean[0].psnr / n, mean[0].psnrMasked / n, against / n, mean[1].psnr / n, mean[1].psnrMasked / n);
+        std::fflush(stdout);
+    }
+    return 0;
+}
