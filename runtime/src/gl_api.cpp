@@ -32,6 +32,16 @@ static std::string readVersion(Gl& gl)
     return {};
 }
 
+/// Whether a rasteriser on the CPU draws.
+static bool isSoftware(const Gl& gl)
+{
+    const GLubyte* text = gl.GetString(GL_RENDERER);
+    const std::string renderer = text ? reinterpret_cast<const char*>(text) : "";
+    for (const char* name : {"llvmpipe", "softpipe", "swrast", "SWR", "Software Rasterizer", "SwiftShader"})
+        if (renderer.find(name) != std::string::npos) return true;
+    return false;
+}
+
 /// What draws: the one wanted, or the fastest.
 static std::string chooseBackEnd(BackEnd wanted, Gl& gl)
 {
@@ -70,6 +80,8 @@ std::string loadGl(NacreGetProcAddress getProcAddress, void* user, BackEnd wante
         if (!found && wanted == BackEnd::kGl43) return "getProcAddress does not find all functions of OpenGL 4.3; use NACRE_BACK_END_AUTO";
         if (!found) gl->backEnd = BackEnd::kGl33;
     }
+    gl->software = isSoftware(*gl);
+    gl->computesPictures = gl->hasCompute() && (wanted == BackEnd::kGl43 || !gl->software);
 
     if (gl->es) {
         if (gl->version < 32 && !hasExtension(*gl, "GL_EXT_color_buffer_float"))

@@ -36,8 +36,9 @@ static constexpr GLenum kLegacyToggles[] = {kAlphaTest, kPolygonStipple};
 
 static void set(const Gl& gl, GLenum what, GLboolean on) { (on ? gl.Enable : gl.Disable)(what); }
 
-ImageUnitGuard::ImageUnitGuard(const Gl& gl) : gl_(gl)
+ImageUnitGuard::ImageUnitGuard(const Gl& gl, HostState kind) : gl_(gl), kind_(kind)
 {
+    if (kind == HostState::kLeftToHost) return;
     gl.GetIntegeri_v(GL_IMAGE_BINDING_NAME, 0, &name_);
     gl.GetIntegeri_v(GL_IMAGE_BINDING_LEVEL, 0, &level_);
     gl.GetIntegeri_v(GL_IMAGE_BINDING_LAYERED, 0, &layered_);
@@ -48,6 +49,7 @@ ImageUnitGuard::ImageUnitGuard(const Gl& gl) : gl_(gl)
 
 ImageUnitGuard::~ImageUnitGuard()
 {
+    if (kind_ == HostState::kLeftToHost) return;
     gl_.BindImageTexture(0, GLuint(name_), level_, GLboolean(layered_), layer_, GLenum(access_), GLenum(format_));
 }
 

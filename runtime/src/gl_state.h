@@ -91,13 +91,14 @@ private:
 /// Image unit 0. Only where there are compute shaders.
 class ImageUnitGuard {
 public:
-    explicit ImageUnitGuard(const Gl& gl);
+    ImageUnitGuard(const Gl& gl, HostState kind);
     ~ImageUnitGuard();
     ImageUnitGuard(const ImageUnitGuard&) = delete;
     ImageUnitGuard& operator=(const ImageUnitGuard&) = delete;
 
 private:
     const Gl& gl_;
+    const HostState kind_;
     GLint name_ = 0, level_ = 0, layered_ = 0, layer_ = 0, access_ = 0, format_ = 0;
 };
 

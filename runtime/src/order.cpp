@@ -59,9 +59,9 @@ struct Order::Block {
 
 void Order::computeKeys(const Block& b, uint32_t* keys) const
 {
-    const glm::vec3 t = towardsEye_;
+    const glm::vec3 t = source_.towardsEye;
     const uint32_t count = b.count;  // here and below: a local, which no store can change
-    if (orthographic_)
+    if (source_.orthographic)
         for (uint32_t k = 0; k < count; ++k) keys[k] = radixKey(-(t.x * b.x[k] + t.y * b.y[k] + t.z * b.z[k]));
     else
         for (uint32_t k = 0; k < count; ++k) keys[k] = radixKey(b.square[k]);
@@ -164,21 +164,33 @@ static bool sameSplats(const OrderInstance& a, const OrderInstance& b)
     return a.positions == b.positions && a.count == b.count && a.first == b.first && a.asset == b.asset;
 }
 
-/// The keys depend on nothing else.
-bool Order::sameKeys(std::span<const OrderInstance> instances, const OrderCamera& camera) const
+bool OrderSource::sameSplats(std::span<const OrderInstance> instances) const
 {
-    const auto same = [&](const OrderInstance& a, const OrderInstance& b) {
-        return sameSplats(a, b) && a.worldFromAsset == b.worldFromAsset && glm::length(a.fromEye - b.fromEye) <= camera.eyeRounding;
+    return std::equal(instances.begin(), instances.end(), instances_.begin(), instances_.end(), nacre::sameSplats);
+}
+
+bool OrderSource::differs(std::span<const OrderInstance> instances, const OrderCamera& camera) const
+{
+    const auto samePlace = [&](const OrderInstance& a, const OrderInstance& b) {
+        return a.worldFromAsset == b.worldFromAsset && glm::length(a.fromEye - b.fromEye) <= camera.eyeRounding;
     };
-    return camera.orthographic == orthographic_ && camera.towardsEye == towardsEye_ &&
-           std::equal(instances.begin(), instances.end(), sortedAt_.begin(), sortedAt_.end(), same);
+    return camera.orthographic != orthographic || camera.towardsEye != towardsEye || !sameSplats(instances) ||
+           !std::equal(instances.begin(), instances.end(), instances_.begin(), samePlace);
+}
+
+void OrderSource::remember(std::span<const OrderInstance> instances, const OrderCamera& camera)
+{
+    instances_.assign(instances.begin(), instances.end());
+    orthographic = camera.orthographic, towardsEye = camera.towardsEye;
 }
 
 /// One pass over the positions: bits of those that reach the frame and, if `sorts`, keys of all.
 void Order::pass(std::span<const OrderInstance> instances, bool sorts)
 {
     if (sorts) keys_.resize(listed_.size());
-    touches_.assign(instances.empty() ? 0 : (instances.back().first + instances.back().count) / 32 + 2, 0u);
+    uint32_t end = 0;
+    for (const OrderInstance& i : instances) end = std::max(end, i.first + i.count);
+    touches_.assign(end / 32 + 2, 0u);
     touching_ = 0;
     Block b;
     uint32_t* keys = keys_.data();
@@ -255,13 +267,12 @@ void Order::gather()
 bool Order::update(std::span<const OrderInstance> instances, const OrderCamera& camera)
 {
     const Frustum frustum = frustumOf(instances, camera);
-    const bool moved = !sameKeys(instances, camera);
+    const bool moved = source_.differs(instances, camera);
     hasSorted_ = false;
     if (!moved && culled_.covers(frustum)) return false;
     if (moved) {
-        if (!std::equal(instances.begin(), instances.end(), sortedAt_.begin(), sortedAt_.end(), sameSplats)) list(instances);
-        sortedAt_.assign(instances.begin(), instances.end());
-        orthographic_ = camera.orthographic, towardsEye_ = camera.towardsEye;
+        if (!source_.sameSplats(instances)) list(instances);
+        source_.remember(instances, camera);
     }
     culled_ = frustum;
     hasSorted_ = moved || !allSorted_;

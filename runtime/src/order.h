@@ -37,6 +37,22 @@ struct OrderCamera {
     float eyeRounding = 0;           // world units: an eye as near as this to that of the last sort is the same, from rounded matrices
 };
 
+/// What the keys of an order were computed from.
+class OrderSource {
+public:
+    /// True if keys would be others now.
+    bool differs(std::span<const OrderInstance> instances, const OrderCamera& camera) const;
+    /// True if the instances have the same splats, wherever they are.
+    bool sameSplats(std::span<const OrderInstance> instances) const;
+    void remember(std::span<const OrderInstance> instances, const OrderCamera& camera);
+
+    bool orthographic = false;
+    glm::vec3 towardsEye{0};
+
+private:
+    std::vector<OrderInstance> instances_; // only compared
+};
+
 class Order {
 public:
     /// `instances` in ascending order of `first`, none overlaps the next. True if farToNear() has changed. Nothing is sorted if neither the
@@ -75,7 +91,6 @@ private:
     enum class Side { kInside, kOutside, kAcross };
     struct Block;
 
-    bool sameKeys(std::span<const OrderInstance> instances, const OrderCamera& camera) const;
     void pass(std::span<const OrderInstance> instances, bool sorts);
     void computeKeys(const Block& block, uint32_t* keys) const;
     Side sideOf(const OrderInstance& instance, const Bounds& bounds, float scale) const;
@@ -87,9 +102,7 @@ private:
     void sort(bool all);
     void gather();
 
-    std::vector<OrderInstance> sortedAt_; // as they were when they were sorted; only compared
-    bool orthographic_ = false;
-    glm::vec3 towardsEye_{0};
+    OrderSource source_;
     std::vector<Bounds> bounds_;     // of the instances
     std::vector<uint32_t> listed_, keys_; // list indices and their keys
     std::vector<uint32_t> someListed_, someKeys_;

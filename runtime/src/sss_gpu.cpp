@@ -376,7 +376,7 @@ void SssView::dispatch(const Program& program, const Texture& lit, int first, in
 {
     const Gl& gl = instance_.context.gl;
     const SplatGrid& grid = instance_.asset->grid;
-    const ImageUnitGuard hosts(gl);
+    const ImageUnitGuard hosts(gl, instance_.context.hostState);
     program.set("uFirstGroup", first);
     gl.BindImageTexture(0, lit.name(), 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA32F);
     gl.MemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT); // the frame before has read what is overwritten

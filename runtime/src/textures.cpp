@@ -27,6 +27,7 @@ static const TexelFormat& texelFormat(GLenum internal)
     static constexpr TexelFormat kFormats[] = {{GL_RGBA32F, GL_RGBA, GL_FLOAT, 16},
                                                {GL_RGBA16F, GL_RGBA, GL_HALF_FLOAT, 8},
                                                {GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, 4},
+                                               {GL_RG32UI, GL_RG_INTEGER, GL_UNSIGNED_INT, 8},
                                                {GL_RGBA8, GL_RGBA, GL_UNSIGNED_BYTE, 4},
                                                {GL_R8, GL_RED, GL_UNSIGNED_BYTE, 1}};
     return *std::find_if(std::begin(kFormats), std::end(kFormats), [&](const TexelFormat& f) { return f.internal == internal; });

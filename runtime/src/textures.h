@@ -19,7 +19,7 @@ void bindTexture(const Gl& gl, int unit, GLenum target, GLuint texture);
 class Texture {
 public:
     Texture() = default;
-    /// R32UI, R8, RGBA8, RGBA16F or RGBA32F. Leaves it bound to unit 0.
+    /// R32UI, RG32UI, R8, RGBA8, RGBA16F or RGBA32F. Leaves it bound to unit 0.
     Texture(Context& context, GLenum format, int width, int height);
     /// An array.
     Texture(Context& context, GLenum format, int width, int height, int layers);

@@ -111,6 +111,7 @@ static float eyeRounding(const ViewFrame& frame) { return float(4e-7 * glm::leng
 
 Failure View::sort(const ViewFrame& frame)
 {
+    std::sort(drawn_.begin(), drawn_.end(), [](const Entry* a, const Entry* b) { return a->rows.first < b->rows.first; });
     std::vector<OrderInstance> instances;
     for (const Entry* entry : drawn_) {
         const Asset& asset = *entry->instance->asset;
@@ -118,14 +119,30 @@ Failure View::sort(const ViewFrame& frame)
         instances.push_back({asset.positions.data(), asset.maxScales.data(), asset.grid.count, list_.firstIndex(entry->rows), f.worldFromAsset, f.fromEye, f.viewFromAsset,
                              f.viewTranslation, f.viewScale, asset.lowPassVariance, asset.handle.serial});
     }
-    std::sort(instances.begin(), instances.end(), [](const OrderInstance& a, const OrderInstance& b) { return a.first < b.first; });
-    const bool changed = order_.update(instances, {frame.clipFromView, frame.viewport, frame.nearW, frame.orthographic, glm::vec3(frame.towardsEye), eyeRounding(frame)});
+    const OrderCamera camera{frame.clipFromView, frame.viewport, frame.nearW, frame.orthographic, glm::vec3(frame.towardsEye), eyeRounding(frame)};
+#if NACRE_WITH_GL43
+    if (context_.gl.computesPictures) return sortOnGpu(instances, camera);
+#endif
+    const bool changed = order_.update(instances, camera);
     if (changed || orderedIn_ != list_.revision()) list_.upload(order_.farToNear());
     orderedIn_ = list_.revision();
     stats_.sorted = changed && order_.hasSorted();
     stats_.splatsDrawn = uint32_t(order_.farToNear().size());
     return growIndexBuffer(context_, order_.farToNear().size());
 }
+
+#if NACRE_WITH_GL43
+Failure View::sortOnGpu(std::span<const OrderInstance> instances, const OrderCamera& camera)
+{
+    std::vector<OrderGeometry> geometry;
+    for (const Entry* entry : drawn_) geometry.push_back({&entry->instance->asset->geometry, &entry->instance->asset->grid});
+    if (Failure f = gpuOrder_.update(instances, geometry, camera, list_.order, orderedIn_ != list_.revision())) return f;
+    orderedIn_ = list_.revision();
+    stats_.sorted = gpuOrder_.hasSorted();
+    stats_.splatsDrawn = gpuOrder_.count();
+    return growIndexBuffer(context_, gpuOrder_.count());
+}
+#endif
 
 Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch)
 {
@@ -143,6 +160,15 @@ Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<c
     stats_.sortSeconds = watch.lap();
     stats_.rasterSeconds = projected;
     return {};
+}
+
+/// Splats whose colour is known.
+Failure View::raster(const ViewFrame& frame, bool depthTest, GlStateGuard& state)
+{
+#if NACRE_WITH_GL43
+    if (context_.gl.computesPictures && !depthTest && tiles_.fits(frame, state.viewport())) return tiles_.draw(frame, list_, stats_.splatsDrawn, state);
+#endif
+    return rasterQuads(frame, depthTest, state);
 }
 
 Failure View::rasterQuads(const ViewFrame& frame, bool depthTest, GlStateGuard& state)
@@ -260,7 +286,7 @@ Failure View::draw(const NacreDrawDesc& desc, std::span<const std::shared_ptr<In
     context_.passes.end();
     if (failure) return failure;
     if (stats_.splatsDrawn > 0)
-        if (Failure f = shades ? rasterShaded(frame, desc.depthTest != 0, state) : rasterQuads(frame, desc.depthTest != 0, state)) return f;
+        if (Failure f = shades ? rasterShaded(frame, desc.depthTest != 0, state) : raster(frame, desc.depthTest != 0, state)) return f;
     stats_.rasterSeconds += watch.lap();
     return {};
 }
@@ -286,6 +312,12 @@ Failure View::prepare(const NacreDrawDesc* desc, std::span<const std::shared_ptr
     const Program* program = nullptr;
     if (emits && !shades)
         if (Failure f = splatProgram(&program)) return f;
+#if NACRE_WITH_GL43
+    if (context_.gl.computesPictures) {
+        if (Failure f = gpuOrder_.compile()) return f;
+        if (Failure f = emits && !shades ? tiles_.compile() : Failure{}) return f;
+    }
+#endif
     if (shades)
         if (Failure f = gbuffer_.compileAhead(mostLights, emits)) return f;
     if (!desc) return {};

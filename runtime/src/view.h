@@ -3,8 +3,10 @@
 
 #include "draw_list.h"
 #include "gbuffer.h"
+#include "gpu_order.h"
 #include "instance.h"
 #include "order.h"
+#include "tile_raster.h"
 
 #include <unordered_map>
 
@@ -14,7 +16,7 @@ class Stopwatch;
 
 class View {
 public:
-    explicit View(Context& context) : context_(context), list_(context), gbuffer_(context) {}
+    explicit View(Context& context) : context_(context), list_(context), gbuffer_(context), gpuOrder_(context), tiles_(context) {}
 
     Failure draw(const NacreDrawDesc& desc, std::span<const std::shared_ptr<Instance>> instances);
     /// Ahead of draws: their programs and, with `desc`, passes and order.
@@ -42,7 +44,9 @@ private:
     Failure relight(uint64_t budget);
     Failure project(const ViewFrame& frame);
     Failure sort(const ViewFrame& frame);
+    Failure sortOnGpu(std::span<const OrderInstance> instances, const OrderCamera& camera);
     Failure splatProgram(const Program** program);
+    Failure raster(const ViewFrame& frame, bool depthTest, GlStateGuard& state);
     Failure rasterQuads(const ViewFrame& frame, bool depthTest, GlStateGuard& state);
     ViewLights collectLights(const ViewFrame& frame) const;
     Failure gather(const ViewFrame& frame);
@@ -52,6 +56,8 @@ private:
     DrawList list_;
     Gbuffer gbuffer_;
     Order order_;
+    GpuOrder gpuOrder_;
+    TileRaster tiles_;
     std::unordered_map<uint32_t, Entry> entries_; // by serial of the instance
     std::vector<Entry*> drawn_;                   // by this draw, in its order
     ViewFrame projectedFor_;

@@ -67,10 +67,10 @@ typedef void* (*NacreGetProcAddress)(const char* name, void* user);
 typedef void (*NacreMessageCallback)(NacreSeverity severity, const char* text, void* user);
 
 typedef enum NacreBackEnd {
-    NACRE_BACK_END_AUTO = 0,   // the fastest that the context can do
+    NACRE_BACK_END_AUTO = 0,   // the fastest that the context can do; where GL draws on the CPU, it sorts there and draws quads
     NACRE_BACK_END_GL33 = 1,   // vertex and fragment shaders only
     NACRE_BACK_END_GLES3 = 2,  // the same in OpenGL ES 3.0 and WebGL 2
-    NACRE_BACK_END_GL43 = 3    // with compute shaders
+    NACRE_BACK_END_GL43 = 3    // with compute shaders, which also sort and, without depth test, draw scenes of bigs
 } NacreBackEnd;
 
 enum NacreContextFlags {
@@ -300,7 +300,7 @@ NACRE_API NacreResult nacreViewPrepare(NacreView view, const NacreDrawDesc* desc
 /// CPU-side record of the last draw, for tests and profilers.
 typedef struct NacreDrawStats {
     size_t structSize;            // sizeof(NacreDrawStats), set by the caller
-    uint32_t splatsDrawn;         // after culling
+    uint32_t splatsDrawn;         // after culling; all of them where compute shaders sort
     uint32_t instancesDrawn;
     uint32_t lightPassesRun;      // instances whose light-only part was re-evaluated, in part or whole; a frame or two after a change
                                   // again, until the GPU has told that it was drawn
