@@ -55,6 +55,7 @@ void Context::destroyObjects()
     programs.clear();
     passes.destroyQueries();
     freeDepthCopy(*this);
+    gl.DeleteSamplers(1, &plainSampler);
     gl.DeleteVertexArrays(1, &vertexArray);
     gl.DeleteBuffers(1, &indexBuffer);
 }
@@ -86,7 +87,7 @@ Failure growIndexBuffer(Context& context, size_t splats)
 ForgottenObjects::ForgottenObjects(Context& context) : gl_(context.gl), functions_(context.gl)
 {
     static constexpr auto kForget = [](GLsizei, const GLuint*) {};
-    gl_.DeleteTextures = gl_.DeleteFramebuffers = gl_.DeleteBuffers = gl_.DeleteVertexArrays = gl_.DeleteQueries = kForget;
+    gl_.DeleteTextures = gl_.DeleteFramebuffers = gl_.DeleteBuffers = gl_.DeleteVertexArrays = gl_.DeleteQueries = gl_.DeleteSamplers = kForget;
     gl_.DeleteProgram = [](GLuint) {};
 }
 

@@ -52,6 +52,7 @@ struct Context {
     GLuint indexBuffer = 0;     // two triangles per splat: 4n + {0, 1, 2, 2, 1, 3}
     size_t indexedSplats = 0;   // capacity of indexBuffer
     DepthCopy depthCopy;
+    GLuint plainSampler = 0;    // nearest texel, no comparison: for textures of the host
 
     HandleTable<Asset> assets{HandleKind::kAsset};
     HandleTable<Instance> instances{HandleKind::kInstance};

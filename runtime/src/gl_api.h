@@ -26,19 +26,19 @@ namespace nacre {
     X(CHECKFRAMEBUFFERSTATUS, CheckFramebufferStatus) X(COLORMASK, ColorMask) X(COMPILESHADER, CompileShader)                    \
     X(COPYTEXSUBIMAGE2D, CopyTexSubImage2D) X(CREATEPROGRAM, CreateProgram) X(CREATESHADER, CreateShader)                        \
     X(DELETEBUFFERS, DeleteBuffers) X(DELETEFRAMEBUFFERS, DeleteFramebuffers) X(DELETEPROGRAM, DeleteProgram)                    \
-    X(DELETEQUERIES, DeleteQueries) X(DELETESHADER, DeleteShader) X(DELETETEXTURES, DeleteTextures)                              \
+    X(DELETEQUERIES, DeleteQueries) X(DELETESAMPLERS, DeleteSamplers) X(DELETESHADER, DeleteShader) X(DELETETEXTURES, DeleteTextures)                              \
     X(DELETEVERTEXARRAYS, DeleteVertexArrays) X(DEPTHMASK, DepthMask) X(DISABLE, Disable) X(DRAWARRAYS, DrawArrays)              \
     X(DRAWBUFFERS, DrawBuffers) X(DRAWELEMENTS, DrawElements) X(ENABLE, Enable) X(ENDQUERY, EndQuery) X(FINISH, Finish)          \
     X(FRAMEBUFFERRENDERBUFFER, FramebufferRenderbuffer) X(FRAMEBUFFERTEXTURE2D, FramebufferTexture2D)                            \
     X(FRAMEBUFFERTEXTURELAYER, FramebufferTextureLayer) X(GENBUFFERS, GenBuffers) X(GENFRAMEBUFFERS, GenFramebuffers)            \
-    X(GENQUERIES, GenQueries) X(GENTEXTURES, GenTextures) X(GENVERTEXARRAYS, GenVertexArrays) X(GETBOOLEANV, GetBooleanv)        \
+    X(GENQUERIES, GenQueries) X(GENSAMPLERS, GenSamplers) X(GENTEXTURES, GenTextures) X(GENVERTEXARRAYS, GenVertexArrays) X(GETBOOLEANV, GetBooleanv)        \
     X(GETERROR, GetError) X(GETFLOATV, GetFloatv)                                                                                \
     X(GETFRAMEBUFFERATTACHMENTPARAMETERIV, GetFramebufferAttachmentParameteriv) X(GETINTEGERV, GetIntegerv)                      \
     X(GETPROGRAMINFOLOG, GetProgramInfoLog) X(GETPROGRAMIV, GetProgramiv) X(GETQUERYIV, GetQueryiv)                              \
     X(GETQUERYOBJECTUIV, GetQueryObjectuiv) X(GETSHADERINFOLOG, GetShaderInfoLog) X(GETSHADERIV, GetShaderiv)                    \
     X(GETSTRING, GetString) X(GETSTRINGI, GetStringi) X(GETUNIFORMLOCATION, GetUniformLocation)                                  \
-    X(GETVERTEXATTRIBIV, GetVertexAttribiv) X(ISENABLED, IsEnabled) X(ISVERTEXARRAY, IsVertexArray) X(LINKPROGRAM, LinkProgram)  \
-    X(PIXELSTOREI, PixelStorei) X(SHADERSOURCE, ShaderSource) X(TEXIMAGE2D, TexImage2D) X(TEXIMAGE3D, TexImage3D)                \
+    X(GETVERTEXATTRIBIV, GetVertexAttribiv) X(ISENABLED, IsEnabled) X(ISTEXTURE, IsTexture) X(ISVERTEXARRAY, IsVertexArray) X(LINKPROGRAM, LinkProgram)  \
+    X(PIXELSTOREI, PixelStorei) X(SAMPLERPARAMETERI, SamplerParameteri) X(SHADERSOURCE, ShaderSource) X(TEXIMAGE2D, TexImage2D) X(TEXIMAGE3D, TexImage3D)                \
     X(TEXPARAMETERI, TexParameteri) X(TEXSUBIMAGE2D, TexSubImage2D) X(TEXSUBIMAGE3D, TexSubImage3D) X(UNIFORM1F, Uniform1f)      \
     X(UNIFORM1I, Uniform1i) X(UNIFORM1IV, Uniform1iv) X(UNIFORM2F, Uniform2f) X(UNIFORM3F, Uniform3f) X(UNIFORM4F, Uniform4f)    \
     X(UNIFORMMATRIX3FV, UniformMatrix3fv) X(UNIFORMMATRIX4FV, UniformMatrix4fv) X(USEPROGRAM, UseProgram)                        \

@@ -128,6 +128,7 @@ void GlStateGuard::readAll()
         gl.GetIntegerv(GL_TEXTURE_BINDING_2D, &units_[i].texture2D);
         gl.GetIntegerv(GL_TEXTURE_BINDING_2D_ARRAY, &units_[i].texture2DArray);
         gl.GetIntegerv(GL_SAMPLER_BINDING, &units_[i].sampler);
+        if (i == kCubeMapUnit) gl.GetIntegerv(GL_TEXTURE_BINDING_CUBE_MAP, &cubeMap_);
     }
     static_assert(std::size(kUnpack) == kUnpackCount && std::size(kToggles) == kToggleCount && std::size(kLegacyToggles) == kLegacyToggleCount);
     for (size_t i = 0; i < kUnpackCount; ++i)
@@ -267,6 +268,7 @@ GlStateGuard::~GlStateGuard()
         gl.BindTexture(GL_TEXTURE_2D, GLuint(units_[i].texture2D));
         gl.BindTexture(GL_TEXTURE_2D_ARRAY, GLuint(units_[i].texture2DArray));
         gl.BindSampler(i, GLuint(units_[i].sampler));
+        if (i == kCubeMapUnit) gl.BindTexture(GL_TEXTURE_CUBE_MAP, GLuint(cubeMap_));
     }
     gl.ActiveTexture(GLenum(activeTexture_));
     for (size_t i = 0; i < kUnpackCount; ++i)

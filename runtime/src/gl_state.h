@@ -17,6 +17,7 @@
 namespace nacre {
 
 constexpr int kTextureUnits = 6; // units 0..5 are used
+constexpr int kCubeMapUnit = 1;  // the one that cube maps are bound to
 
 /// Whether the host finds its state as it left it.
 enum class HostState { kPutBack, kLeftToHost };
@@ -78,6 +79,7 @@ private:
     std::vector<GLenum> hostDrawBuffers_; // empty unless they have been replaced
     GLint readFramebuffer_, vertexArray_, program_, activeTexture_, unpackBuffer_;
     std::array<Unit, kTextureUnits> units_;
+    GLint cubeMap_;
     std::array<DrawBuffer, kMaxDrawBuffers> drawBuffers_;
     std::array<GLint, kUnpackCount> unpack_;
     std::array<GLboolean, kToggleCount> toggles_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "asset.h"
+#include "shadow_pass.h"
 
 namespace nacre {
 
@@ -21,6 +22,7 @@ struct Instance {
     std::vector<uint64_t> slotRevisions;   // of packed lights by slot; one more than lights: what was removed last
     Texture lightTexture;                  // RGBA32F, a column per slot
     std::vector<Texture> occlusion;        // RGBA8 by batch, slots of four lights: what arrives from outside; empty: everything
+    ShadowPass shadows;                    // writes it
     std::unique_ptr<InstanceModel> model;  // once the asset is complete
 
     int lightCount() const { return int(lights.packed.size()); }
@@ -31,6 +33,8 @@ struct Instance {
 
     /// Packs the context's lights if they, the place or the mask have changed, and uploads what differs.
     Failure updateLights();
+    /// What is made of the light of this slot is outdated.
+    void touch(size_t slot) { slotRevisions[slot] = ++revision_; }
     void moveTo(const Placement& place);
 
 private:

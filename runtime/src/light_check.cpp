@@ -65,6 +65,43 @@ Failure checkRectangle(const NacreLight& light, const std::string& which)
     return {};
 }
 
+constexpr uint32_t kMostCascades = 8;
+constexpr float kSoftest = 64; // texels
+
+Failure checkPlanes(const NacreShadowMap& map, const std::string& which)
+{
+    if (map.nearPlane > 0 && map.nearPlane < map.farPlane && map.farPlane <= kLargestNumber) return {};
+    return invalid(which + "planes of a cube map must be 0 < nearPlane < farPlane, found " + numberText(map.nearPlane) + " and " + numberText(map.farPlane));
+}
+
+Failure checkMatrices(const NacreShadowMap& map, uint32_t layers, const std::string& which)
+{
+    if (!map.clipFromWorld) return invalid(which + "clipFromWorld is null, only cube maps have none");
+    for (uint32_t i = 0; i < 16 * layers; ++i)
+        if (!(std::abs(map.clipFromWorld[i]) <= kLargestNumber)) return invalid(which + "clipFromWorld of layer " + std::to_string(i / 16) + " is not finite or beyond 1e15");
+    return {};
+}
+
+Failure checkShadowMap(const NacreLight& light, std::string which)
+{
+    which += "shadowMap: ";
+    if (Failure f = checkSize("NacreShadowMap", light.shadowMap->structSize, sizeof(NacreShadowMap))) return f;
+    const NacreShadowMap map = wholeShadowMap(*light.shadowMap);
+    const int kind = rawEnum(map.kind);
+    if (kind < NACRE_SHADOW_MAP_2D || kind > NACRE_SHADOW_MAP_CUBE) return invalid(which + "unknown kind " + std::to_string(kind));
+    if (map.texture == 0) return invalid(which + "texture is 0");
+    if (!inRange(map.bias, 0, kLargestNumber)) return invalid(which + "bias must be finite and not negative, found " + numberText(map.bias));
+    if (!inRange(map.softness, 0, kSoftest)) return invalid(which + "softness must be from 0 to 64 texels, found " + numberText(map.softness));
+    if (kind == NACRE_SHADOW_MAP_CUBE) {
+        if (rawEnum(light.type) == NACRE_LIGHT_DIRECTIONAL) return invalid(which + "a directional light has no place for a cube map");
+        return checkPlanes(map, which);
+    }
+    if (map.distances) return invalid(which + "only cube maps hold distances");
+    const bool array = kind == NACRE_SHADOW_MAP_ARRAY;
+    if (array && (map.layers < 1 || map.layers > kMostCascades)) return invalid(which + "layers must be 1 to 8, found " + std::to_string(map.layers));
+    return checkMatrices(map, array ? map.layers : 1, which);
+}
+
 } // namespace
 
 Failure checkLight(const NacreLight& light, size_t index)
@@ -91,9 +128,11 @@ Failure checkLight(const NacreLight& light, size_t index)
         return invalid(which + "range must be finite and not negative, found " + numberText(light.range));
     if ((sphere || rectangle) && light.samples > kMostSamples)
         return invalid(which + std::to_string(light.samples) + " samples, the most is " + std::to_string(kMostSamples));
-    if (type == NACRE_LIGHT_SPOT) return checkCones(light, which);
-    if (rectangle) return checkRectangle(light, which);
-    return {};
+    if (type == NACRE_LIGHT_SPOT)
+        if (Failure f = checkCones(light, which)) return f;
+    if (rectangle)
+        if (Failure f = checkRectangle(light, which)) return f;
+    return light.shadowMap ? checkShadowMap(light, which) : Failure{};
 }
 
 static Failure checkPixels(const NacreEnvironment& e)

@@ -3,12 +3,22 @@
 
 #include "failure.h"
 
+#include <algorithm>
 #include <cstddef>
+#include <cstring>
 #include <vector>
 
 namespace nacre {
 
-/// `index` is for the message.
+/// In the library's size.
+inline NacreShadowMap wholeShadowMap(const NacreShadowMap& map)
+{
+    NacreShadowMap whole{};
+    std::memcpy(&whole, &map, std::min(map.structSize, sizeof whole));
+    return whole;
+}
+
+/// `index` is for the message. Looks at the shadow map, too.
 Failure checkLight(const NacreLight& light, size_t index);
 /// Looks at every pixel.
 Failure checkEnvironment(const NacreEnvironment& environment);

@@ -6,9 +6,13 @@
 // grid and shine to one side with the cosine. Of both, each point is as wide as its part of what shines, so that highlights leave no gaps.
 #include "light_set.h"
 
+#include "light_check.h"
+
 #include "appearance/environment_directions.h"
 #include "base/fibonacci_sphere.h"
 #include "base/spherical_harmonics.h"
+
+#include <glm/gtc/type_ptr.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -32,7 +36,24 @@ constexpr int kShColumns = 128; // of the map that coefficients become; degree 4
 
 glm::vec3 vec(const float v[3]) { return {v[0], v[1], v[2]}; }
 
-LightPoint commonPoint(const NacreLight& light, uint32_t index)
+std::shared_ptr<const ShadowMap> copyShadowMap(const NacreLight& light)
+{
+    if (!light.shadowMap) return nullptr;
+    const NacreShadowMap m = wholeShadowMap(*light.shadowMap);
+    ShadowMap copy;
+    copy.kind = m.kind;
+    copy.texture = m.texture;
+    const bool cube = copy.kind == NACRE_SHADOW_MAP_CUBE;
+    const uint32_t layers = cube ? 0 : copy.kind == NACRE_SHADOW_MAP_ARRAY ? m.layers : 1;
+    for (uint32_t k = 0; k < layers; ++k) copy.clipFromWorld.emplace_back(glm::make_mat4(m.clipFromWorld + 16 * k));
+    if (cube) copy.centre = vec(light.position), copy.nearPlane = m.nearPlane, copy.farPlane = m.farPlane, copy.distances = m.distances != 0;
+    copy.reversed = m.reversed != 0, copy.zeroToOne = m.zeroToOne != 0;
+    copy.bias = m.bias, copy.softness = m.softness;
+    copy.revision = m.revision;
+    return std::make_shared<const ShadowMap>(std::move(copy));
+}
+
+LightPoint commonPoint(const NacreLight& light, uint32_t index, const std::shared_ptr<const ShadowMap>& map)
 {
     LightPoint p;
     p.position = vec(light.position);
@@ -41,7 +62,8 @@ LightPoint commonPoint(const NacreLight& light, uint32_t index)
     p.mask = light.mask ? light.mask : ~0u;
     p.flags = light.flags;
     p.source = index;
-    p.shadowed = light.shadowMap || (light.flags & NACRE_LIGHT_SPLAT_SHADOWS);
+    p.shadowMap = map;
+    p.shadowed = map || (light.flags & NACRE_LIGHT_SPLAT_SHADOWS);
     return p;
 }
 
@@ -118,9 +140,9 @@ void addArea(const NacreLight& light, LightPoint p, std::vector<LightPoint>& poi
     }
 }
 
-void addLight(const NacreLight& light, uint32_t index, std::vector<LightPoint>& points)
+void addLight(const NacreLight& light, uint32_t index, const std::shared_ptr<const ShadowMap>& map, std::vector<LightPoint>& points)
 {
-    LightPoint p = commonPoint(light, index);
+    LightPoint p = commonPoint(light, index, map);
     switch (light.type) {
     case NACRE_LIGHT_POINT: p.capRadius = light.radius, points.push_back(p); break;
     case NACRE_LIGHT_SPOT: p.capRadius = light.radius, points.push_back(spotPoint(light, p)); break;
@@ -166,7 +188,12 @@ LightSet::~LightSet() = default;
 void LightSet::setLights(std::span<const NacreLight> lights)
 {
     ofLights_.clear();
-    for (size_t i = 0; i < lights.size(); ++i) addLight(lights[i], uint32_t(i), ofLights_);
+    shadowMaps_.resize(lights.size());
+    for (size_t i = 0; i < lights.size(); ++i) {
+        std::shared_ptr<const ShadowMap> map = copyShadowMap(lights[i]), &known = shadowMaps_[i];
+        if (!map || !known || !(*map == *known)) known = std::move(map);
+        addLight(lights[i], uint32_t(i), known, ofLights_);
+    }
     join();
 }
 

@@ -19,6 +19,19 @@ namespace nacre {
 
 constexpr uint32_t kEnvironmentSource = std::numeric_limits<uint32_t>::max(); // as a source of points
 
+/// A shadow map of the host, copied.
+struct ShadowMap {
+    int kind = NACRE_SHADOW_MAP_2D;
+    uint32_t texture = 0;
+    std::vector<glm::dmat4> clipFromWorld; // by layer; cube: none
+    glm::dvec3 centre{0};                  // cube: where its faces meet
+    float nearPlane = 0, farPlane = 0;     // cube
+    bool distances = false, reversed = false, zeroToOne = false;
+    float bias = 0, softness = 0;
+    uint64_t revision = 0;
+    bool operator==(const ShadowMap&) const = default;
+};
+
 struct LightPoint {
     bool directional = false;
     glm::dvec3 position{0};          // point: world
@@ -36,6 +49,7 @@ struct LightPoint {
     glm::dvec3 centre{0};            // of the area light that it is a part of, and between which distances from there
     float nearest = 0, farthest = std::numeric_limits<float>::infinity(); // it lights an instance: from afar fewer points do
     bool shadowed = false;           // something outside of an instance may hold it up: it has a shadow map or casts shadows of splats
+    std::shared_ptr<const ShadowMap> shadowMap; // the same as long as nothing of the map changes
     bool operator==(const LightPoint&) const = default;
 };
 
@@ -59,6 +73,7 @@ private:
     struct Environment;
     void join();
 
+    std::vector<std::shared_ptr<const ShadowMap>> shadowMaps_; // by light
     std::vector<LightPoint> ofLights_, ofEnvironment_, points_;
     std::unique_ptr<Environment> environment_; // what its directions were made from
     uint64_t revision_ = 1;

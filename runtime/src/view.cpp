@@ -52,6 +52,7 @@ Failure View::relight(uint64_t budget)
     for (Entry* entry : turn) {
         Instance& instance = *entry->instance;
         if (Failure f = instance.updateLights()) return f;
+        if (Failure f = instance.shadows.run(instance, stats_)) return f;
         stats_.lightsUsed += uint32_t(instance.lightCount());
         stats_.lightsSkipped += uint32_t(instance.lights.skipped);
         bool done = false;

@@ -312,6 +312,8 @@ typedef struct NacreDrawStats {
     uint64_t relightPending;      // that maxRelightSplats has left for later draws
     uint32_t lightsUsed;          // lights times instances that were evaluated or kept
     uint32_t lightsSkipped;       // that reach no instance by range, cone, mask or share
+    uint32_t shadowPassesRun;     // lights times instances whose shadows were looked up again
+    uint32_t shadowsSkipped;      // lights times instances that have none to look up, or none that has changed
     uint32_t shadowMapsDrawn;     // of splats
     double relightSeconds;        // CPU wall time of submission unless nacreContextSetProfiling(1), which inserts glFinish
     double sortSeconds;
