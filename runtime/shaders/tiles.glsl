@@ -10,7 +10,7 @@ uniform int uBinsX, uBinsY;
 struct Footprint {
     vec2 centre, halfSize;    // of the box that holds alpha >= MIN_ALPHA
     vec3 l;                   // see project.frag.glsl
-    float opacity;
+    float opacity, depth;     // clip z / w
 };
 
 ivec2 rankedTexel(int rank) { return listTexel(int(texelFetch(uOrder, listTexel(uSplats - 1 - rank), 0).r)); }
@@ -20,7 +20,7 @@ bool fetchFootprint(ivec2 texel, out Footprint f)
     vec4 p = texelFetch(uProjected0, texel, 0);
     if (!(p.w > 0.0 && p.z >= uDepthRange.x && p.z <= uDepthRange.y)) return false;
     f.l = texelFetch(uProjected1, texel, 0).xyz;
-    f.opacity = p.w;
+    f.opacity = p.w, f.depth = p.z;
     f.centre = (0.5 * p.xy + 0.5) * uViewport;
     f.halfSize = (sqrt(max(2.0 * log(p.w / MIN_ALPHA), 0.0)) + 1e-3) * vec2(f.l.x, length(f.l.yz));
     return true;

@@ -6,11 +6,16 @@ uniform usampler2D uMasks;
 uniform sampler2D uColor;
 uniform float uMaxColor;      // largest value the target can hold
 uniform int uTilesX, uFirstTile;
+uniform sampler2D uHostDepth; // of the window
+uniform int uTested;          // 1: against it
+uniform vec3 uPasses;         // 1: a depth that is less, equal, greater is drawn
+uniform vec4 uDepth;          // depth in the window is x * (clip z / w) + y, within z to w
+uniform vec4 uWindow;         // pixel p of the viewport is at xy + zw * p in the window
 
 shared uint sSums[GROUP];
 shared int sRanks[GROUP];
 shared vec4 sShapes[GROUP];   // centre, 1 / l_xx, l_yx
-shared vec2 sShapes2[GROUP];  // 1 / l_yy, opacity; 0: does not meet the tile
+shared vec3 sShapes2[GROUP];  // 1 / l_yy; opacity, 0: does not meet the tile; depth in the window
 shared vec3 sColors[GROUP];
 shared uint sOpen;            // not 0: some pixel is not opaque yet
 
@@ -24,12 +29,12 @@ void fetchSplat(int t, vec2 low)
 {
     ivec2 texel = rankedTexel(sRanks[t]);
     Footprint f;
-    sShapes2[t] = vec2(0.0);
+    sShapes2[t] = vec3(0.0);
     if (!fetchFootprint(texel, f)) return;
     vec2 away = abs(f.centre - (low + 0.5 * float(TILE))) - f.halfSize;
     if (!(max(away.x, away.y) < 0.5 * float(TILE))) return;
     sShapes[t] = vec4(f.centre, 1.0 / f.l.x, f.l.y);
-    sShapes2[t] = vec2(1.0 / f.l.z, f.opacity);
+    sShapes2[t] = vec3(1.0 / f.l.z, f.opacity, clamp(uDepth.x * f.depth + uDepth.y, uDepth.z, uDepth.w));
     sColors[t] = min(texelFetch(uColor, texel, 0).rgb, uMaxColor);
 }
 
@@ -42,6 +47,8 @@ void main()
     bool inside = at.x < uViewport.x && at.y < uViewport.y;
     vec4 sum = vec4(0.0, 0.0, 0.0, 1.0);
     if (uFirstRank > 0 && inside) sum = imageLoad(uImage, pixel);
+
+    float hostDepth = uTested == 1 && inside ? texelFetch(uHostDepth, ivec2(floor(uWindow.xy + uWindow.zw * at)), 0).r : 0.0;
 
     if (t == 0) sOpen = 0u;
     wait();
@@ -71,8 +78,9 @@ void main()
         if (t == 0) sOpen = 0u;
         wait();
         for (int k = 0; k < count; ++k) {
-            vec2 shape2 = sShapes2[k];
+            vec3 shape2 = sShapes2[k];
             if (shape2.y == 0.0 || sum.w < MIN_TRANSMITTANCE) continue;
+            if (uTested == 1 && (shape2.z < hostDepth ? uPasses.x : shape2.z > hostDepth ? uPasses.z : uPasses.y) == 0.0) continue;
             vec4 shape = sShapes[k];
             float ux = (at.x - shape.x) * shape.z, uy = (at.y - shape.y - shape.w * ux) * shape2.x;
             float alpha = min(MAX_ALPHA, shape2.y * exp(-0.5 * (ux * ux + uy * uy)));

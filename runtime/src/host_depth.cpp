@@ -91,30 +91,60 @@ static DepthSource describeDepth(const Gl& gl, GLuint host)
     return s;
 }
 
-/// The copy in this format, of at least this size, attached to our framebuffer.
+/// The copy in this format, of at least this size.
+static void growCopy(Context& context, const DepthFormat& format, int width, int height)
+{
+    const Gl& gl = context.gl;
+    DepthCopy& copy = context.depthCopy;
+    if (copy.texture && copy.format == format.internal && copy.width >= width && copy.height >= height) return;
+    gl.DeleteTextures(1, &copy.texture);
+    copy.format = format.internal, copy.width = width, copy.height = height;
+    gl.GenTextures(1, &copy.texture);
+    bindTexture(gl, 0, GL_TEXTURE_2D, copy.texture);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
+    gl.TexImage2D(GL_TEXTURE_2D, 0, GLint(format.internal), width, height, 0, format.layout, format.type, nullptr);
+}
+
+/// And attached to our framebuffer.
 static void makeCopy(Context& context, GLuint ours, const DepthFormat& format, int width, int height)
 {
     const Gl& gl = context.gl;
     DepthCopy& copy = context.depthCopy;
-    if (!copy.texture || copy.format != format.internal || copy.width < width || copy.height < height) {
-        gl.DeleteTextures(1, &copy.texture);
-        copy.format = format.internal, copy.width = width, copy.height = height;
-        gl.GenTextures(1, &copy.texture);
-        bindTexture(gl, 0, GL_TEXTURE_2D, copy.texture);
-        gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-        gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
-        gl.TexImage2D(GL_TEXTURE_2D, 0, GLint(format.internal), width, height, 0, format.layout, format.type, nullptr);
-    }
+    growCopy(context, format, width, height);
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, ours);
     gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, copy.texture, 0);
 }
 
 /// Of one sample, in desktop GL: it converts between formats, and stencil is left behind.
-static void copyConverted(Context& context, GLuint ours, const DepthSource& source, int x0, int y0, int x1, int y1)
+static void copyConverted(Context& context, const DepthSource& source, int x0, int y0, int x1, int y1)
 {
-    makeCopy(context, ours, likelyFormat({.depthBits = source.depthBits, .real = source.real}), x1, y1);
+    growCopy(context, likelyFormat({.depthBits = source.depthBits, .real = source.real}), x1, y1);
     bindTexture(context.gl, 0, GL_TEXTURE_2D, context.depthCopy.texture);
     context.gl.CopyTexSubImage2D(GL_TEXTURE_2D, 0, x0, y0, x0, y0, x1 - x0, y1 - y0);
+}
+
+namespace {
+struct PixelBox {
+    int x0, y0, x1, y1;
+};
+} // namespace
+static PixelBox pixelsOf(const float viewport[4])
+{
+    return {std::max(int(viewport[0]), 0), std::max(int(viewport[1]), 0), int(viewport[0] + viewport[2]), int(viewport[1] + viewport[3])};
+}
+
+HostDepth copyHostDepth(Context& context, GLuint host, const float viewport[4])
+{
+    const Gl& gl = context.gl;
+    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, host);
+    const DepthSource source = describeDepth(gl, host);
+    if (source.type == GL_NONE) return HostDepth::kNone;
+    if (source.samples > 0) return HostDepth::kCannot;
+    const auto [x0, y0, x1, y1] = pixelsOf(viewport);
+    gl.BindFramebuffer(GL_READ_FRAMEBUFFER, host);
+    copyConverted(context, source, x0, y0, x1, y1);
+    return HostDepth::kCopied;
 }
 
 /// Of several, and in ES: a blit, which demands the same format on both sides, and GL does not tell the host's. It is found by trying,
@@ -149,12 +179,14 @@ Failure attachHostDepth(Context& context, GLuint host, GLuint ours, const float 
     bool attached = true;
     if (source.type == GL_NONE) gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, ours);
     else if (!host || source.samples > 0 || !shareDepth(context, ours)) {
-        const int x0 = std::max(int(viewport[0]), 0), y0 = std::max(int(viewport[1]), 0);
-        const int x1 = int(viewport[0] + viewport[2]), y1 = int(viewport[1] + viewport[3]);
+        const auto [x0, y0, x1, y1] = pixelsOf(viewport);
         gl.BindFramebuffer(GL_READ_FRAMEBUFFER, host);
         gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, ours);
         if (source.samples > 0 || gl.es) attached = copySameFormat(context, ours, source, x0, y0, x1, y1);
-        else copyConverted(context, ours, source, x0, y0, x1, y1);
+        else {
+            copyConverted(context, source, x0, y0, x1, y1);
+            gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, context.depthCopy.texture, 0);
+        }
     }
     if (attached && gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE) return {};
     detachHostDepth(gl);

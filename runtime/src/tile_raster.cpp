@@ -5,6 +5,7 @@
 #include "tile_raster.h"
 
 #include "gl_state.h"
+#include "host_depth.h"
 #include "shader_sources.h"
 #include "splats/blend.h"
 #include "target.h"
@@ -30,15 +31,9 @@ Failure TileRaster::compile()
     if (Failure f = findComputeProgram(context_, "tile", withDefines(shaders::kTilesClearCompGlsl), {}, &clearProgram_)) return f;
     if (Failure f = findComputeProgram(context_, "tile", withDefines(tiles + shaders::kTilesBinCompGlsl), {"uProjected0", "uProjected1", "uOrder"}, &binProgram_)) return f;
     if (Failure f = findComputeProgram(context_, "tile", withDefines(tiles + shaders::kTilesBlendCompGlsl),
-                                       {"uProjected0", "uProjected1", "uOrder", "uColor", "uMasks"}, &blendProgram_))
+                                       {"uProjected0", "uProjected1", "uOrder", "uColor", "uMasks", "uHostDepth"}, &blendProgram_))
         return f;
     return findProgram(context_, {"tile", shaders::kTilesComposeVertGlsl, shaders::kTilesComposeFragGlsl, {"uImage"}}, &composeProgram_);
-}
-
-bool TileRaster::fits(const ViewFrame& frame, const float viewport[4]) const
-{
-    const float most = float(context_.gl.maxTextureSize);
-    return frame.viewport == glm::vec2(viewport[2], viewport[3]) && frame.viewport.x <= most && frame.viewport.y <= most;
 }
 
 static int binsAlong(int pixels) { return (pixels + kBin - 1) / kBin; }
@@ -72,10 +67,32 @@ void TileRaster::set(const Program& program, const ViewFrame& frame, const DrawL
     program.set("uTilesX", tilesAlong(image_.width()));
 }
 
-Failure TileRaster::draw(const ViewFrame& frame, const DrawList& list, uint32_t splats, GlStateGuard& state)
+/// Of the blend program, which is in use: how a splat's depth in the window compares with the host's.
+void TileRaster::setDepthTest(const float viewport[4], bool upperLeft, bool zeroToOne, bool tested) const
+{
+    const Gl& gl = context_.gl;
+    GLint function = GL_ALWAYS;
+    float range[2] = {0, 1};
+    if (tested) gl.GetIntegerv(GL_DEPTH_FUNC, &function), gl.GetFloatv(GL_DEPTH_RANGE, range);
+    const auto passes = [&](std::initializer_list<GLint> functions) { return std::find(functions.begin(), functions.end(), function) != functions.end() ? 1.0f : 0.0f; };
+    blendProgram_->set("uTested", int(tested));
+    blendProgram_->set("uPasses", glm::vec3(passes({GL_LESS, GL_LEQUAL, GL_NOTEQUAL, GL_ALWAYS}), passes({GL_EQUAL, GL_LEQUAL, GL_GEQUAL, GL_ALWAYS}),
+                                            passes({GL_GREATER, GL_GEQUAL, GL_NOTEQUAL, GL_ALWAYS})));
+    const float perClip = zeroToOne ? range[1] - range[0] : 0.5f * (range[1] - range[0]);
+    blendProgram_->set("uDepth", glm::vec4(perClip, zeroToOne ? range[0] : 0.5f * (range[0] + range[1]), std::min(range[0], range[1]), std::max(range[0], range[1])));
+    blendProgram_->set("uWindow", upperLeft ? glm::vec4(viewport[0], viewport[1] + viewport[3], 1, -1) : glm::vec4(viewport[0], viewport[1], 1, 1));
+}
+
+Failure TileRaster::draw(const ViewFrame& frame, const DrawList& list, uint32_t splats, bool depthTest, GlStateGuard& state, bool* drawn)
 {
     const Gl& gl = context_.gl;
     const int width = int(frame.viewport.x), height = int(frame.viewport.y);
+    const float* viewport = state.viewport();
+    *drawn = frame.viewport == glm::vec2(viewport[2], viewport[3]) && std::max(width, height) <= gl.maxTextureSize;
+    if (!*drawn) return {};
+    const HostDepth hostDepth = depthTest ? copyHostDepth(context_, state.hostFramebuffer(), viewport) : HostDepth::kNone;
+    *drawn = hostDepth != HostDepth::kCannot;
+    if (!*drawn) return {};
     if (Failure f = compile()) return f;
     if (Failure f = allocate(splats, width, height)) return f;
     state.beginDraw(false);
@@ -87,7 +104,9 @@ Failure TileRaster::draw(const ViewFrame& frame, const DrawList& list, uint32_t 
         set(*binProgram_, frame, list, splats);
         set(*blendProgram_, frame, list, splats);
         blendProgram_->set("uMaxColor", maxColor);
+        setDepthTest(viewport, frame.clip.upperLeft, frame.clip.zeroToOne, hostDepth == HostDepth::kCopied);
         list.projected0.bind(0), list.projected1.bind(1), list.order.bind(2), list.color.bind(3), masks_.bind(4);
+        bindTexture(gl, 5, GL_TEXTURE_2D, hostDepth == HostDepth::kCopied ? context_.depthCopy.texture : masks_.name());
         for (uint32_t first = 0; first < splats; first += batch_) {
             const uint32_t count = std::min(batch_, splats - first), words = (count + 31) / 32;
             barrier();

@@ -1,5 +1,5 @@
 // The draw list of a view drawn by compute shaders: near to far, tile by tile, until a pixel is opaque. It reads what the quads read
-// (draw_list.h), makes the picture beside the host's target and blends that over it, once a pixel. Not against a depth buffer.
+// (draw_list.h), makes the picture beside the host's target and blends that over it, once a pixel. The host's depth buffer is copied and tested like GL would.
 #pragma once
 
 #include "draw_list.h"
@@ -12,14 +12,14 @@ public:
     /// `batch`: splats that are binned at a time.
     explicit TileRaster(Context& context, uint32_t batch = 1u << 18) : context_(context), batch_(batch) {}
 
-    /// Whether it can draw this: the host's viewport is that of the frame.
-    bool fits(const ViewFrame& frame, const float viewport[4]) const;
-    /// The first `splats` of list.order into the host's target.
-    Failure draw(const ViewFrame& frame, const DrawList& list, uint32_t splats, GlStateGuard& state);
+    /// The first `splats` of list.order into the host's target. False in `*drawn`, and nothing has been: the host's viewport is not that of
+    /// the frame, or its depth buffer has samples.
+    Failure draw(const ViewFrame& frame, const DrawList& list, uint32_t splats, bool depthTest, GlStateGuard& state, bool* drawn);
     Failure compile();
 
 private:
     Failure allocate(uint32_t splats, int width, int height);
+    void setDepthTest(const float viewport[4], bool upperLeft, bool zeroToOne, bool tested) const;
     void set(const Program& program, const ViewFrame& frame, const DrawList& list, uint32_t splats) const;
 
     Context& context_;

@@ -167,7 +167,9 @@ Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<c
 Failure View::raster(const ViewFrame& frame, bool depthTest, GlStateGuard& state)
 {
 #if NACRE_WITH_GL43
-    if (context_.gl.computesPictures && !depthTest && tiles_.fits(frame, state.viewport())) return tiles_.draw(frame, list_, stats_.splatsDrawn, state);
+    bool drawn = false;
+    if (context_.gl.computesPictures)
+        if (Failure f = tiles_.draw(frame, list_, stats_.splatsDrawn, depthTest, state, &drawn); f || drawn) return f;
 #endif
     return rasterQuads(frame, depthTest, state);
 }

@@ -95,6 +95,49 @@ TEST_CASE("compute shaders follow the host's clip control, depth clamp, scissor 
         }
 }
 
+TEST_CASE("compute shaders test the host's depth as GL does, whatever the function, the range and the clip control")
+{
+    const SplatAsset asset = randomAsset(1500, 4, 9, 0.1f);
+    const std::unique_ptr<Host> computed = computeHost(asset);
+    if (!computed) return;
+    const std::unique_ptr<Host> plain = makeHost(asset, NACRE_BACK_END_GL33);
+    const Camera camera = offCentre();
+    NacreDrawDesc desc = describe(camera);
+    desc.depthTest = 1;
+    glm::dmat4 projection = clipFromView(camera);
+    const double near = 0.5, far = 5;
+    projection[2][2] = -(far + near) / (far - near), projection[3][2] = -2 * far * near / (far - near);
+    copy(desc.clipFromView, projection);
+    const auto draw = [&](Host& host, GLenum function, bool upper, bool zeroToOne, float first, float last) {
+        host.gl->makeCurrent();
+        REQUIRE(host.gl->beginFrame(camera.width, camera.height));
+        glEnable(GL_SCISSOR_TEST);
+        for (int x = 0; x < camera.width; x += 4)       // a stair of depths
+            for (int y = 0; y < camera.height; y += 8) {
+                glScissor(x, y, 4, 8);
+                const float depth = 0.5f + 0.45f * std::sin(0.35f * float(x) + 0.2f * float(y));
+                glClearBufferfv(GL_DEPTH, 0, &depth);
+            }
+        glDisable(GL_SCISSOR_TEST);
+        glDepthFunc(function), glDepthRange(first, last);
+        glClipControl(upper ? GL_UPPER_LEFT : GL_LOWER_LEFT, zeroToOne ? GL_ZERO_TO_ONE : GL_NEGATIVE_ONE_TO_ONE);
+        const NacreResult result = nacreViewDraw(host.view, &desc);
+        glDepthFunc(GL_LESS), glDepthRange(0, 1), glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
+        REQUIRE_MESSAGE(result == NACRE_OK, host.lastMessage());
+        return host.gl->readFrame();
+    };
+    for (const GLenum function : {GL_LESS, GL_GREATER, GL_LEQUAL, GL_NOTEQUAL, GL_NEVER, GL_ALWAYS})
+        for (const int variant : {0, 1, 2}) {
+            CAPTURE(function);
+            CAPTURE(variant);
+            const bool other = variant == 1;
+            const float first = variant == 2 ? 0.9f : 0.0f, last = variant == 2 ? 0.1f : 1.0f;
+            const Image image = draw(*computed, function, other, other, first, last), expected = draw(*plain, function, other, other, first, last);
+            CHECK(psnr(image, expected) > 60);
+            CHECK((largest(expected) > 0.05f) == (function != GL_NEVER));
+        }
+}
+
 TEST_CASE("compute shaders order overlapping instances jointly")
 {
     const SplatAsset first = randomAsset(900, 4, 6, 0.1f), second = randomAsset(700, 0, 7, 0.1f);

@@ -70,7 +70,7 @@ typedef enum NacreBackEnd {
     NACRE_BACK_END_AUTO = 0,   // the fastest that the context can do; where GL draws on the CPU, it sorts there and draws quads
     NACRE_BACK_END_GL33 = 1,   // vertex and fragment shaders only
     NACRE_BACK_END_GLES3 = 2,  // the same in OpenGL ES 3.0 and WebGL 2
-    NACRE_BACK_END_GL43 = 3    // with compute shaders, which also sort and, without depth test, draw scenes of bigs
+    NACRE_BACK_END_GL43 = 3    // with compute shaders, which also sort and draw scenes of bigs
 } NacreBackEnd;
 
 enum NacreContextFlags {
