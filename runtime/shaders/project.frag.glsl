@@ -13,6 +13,7 @@ uniform float uJacobianLimit; // J is evaluated at ndc clamped to +- this
 uniform float uNear;          // clip w
 uniform vec4 uNearPlane;      // positive beyond it; GL clips there as well, but not under depth clamp
 uniform float uLowPass;       // pixels^2
+uniform int uLit;             // 0: of an instance that was never lit, nothing is drawn
 
 layout(location = 0) out vec4 outProjected0;
 layout(location = 1) out vec4 outProjected1;
@@ -26,7 +27,7 @@ void main()
     vec4 meanOpacity = texelFetch(uGeometry, splat, 0);
     vec3 p = uViewFromAsset * meanOpacity.xyz + uViewTranslation;
     vec4 clip = uClipFromView * vec4(p, 1.0);
-    if (!(clip.w > uNear && dot(uNearPlane, vec4(p, 1.0)) > 0.0)) return;
+    if (uLit == 0 || !(clip.w > uNear && dot(uNearPlane, vec4(p, 1.0)) > 0.0)) return;
     vec2 ndc = clip.xy / clip.w;
 
     // Rows of J: derivative of the pixel position by the view position, at a clamped direction (off-screen splats stay tame).

@@ -59,6 +59,7 @@ private:
     std::string defines(bool occluded) const;
 
     Asset& asset_;
+    mutable ProgramOnce light_[2], combine_[2], view_; // [occluded]
 };
 
 /// Results of the light pass for kBatchLights lights.
@@ -203,19 +204,25 @@ std::string BigsAsset::defines(bool occluded) const
 
 Failure BigsAsset::lightProgram(bool occluded, const Program** program) const
 {
-    return findProgram(asset_.context, {"light", shaders::kFullscreenVertGlsl, defines(occluded) + shaders::kBigsLightFragGlsl,
-                                        {"uGeometry", "uTransport", "uLights", "uVisibility", "uOcclusion"}}, program);
+    return light_[occluded].find(program, [&](const Program** made) {
+        return findProgram(asset_.context, {"light", shaders::kFullscreenVertGlsl, defines(occluded) + shaders::kBigsLightFragGlsl,
+                                        {"uGeometry", "uTransport", "uLights", "uVisibility", "uOcclusion"}}, made);
+    });
 }
 
 Failure BigsAsset::viewProgram(const Program** program) const
 {
-    return findProgram(asset_.context, {"view", shaders::kFullscreenVertGlsl, defines(false) + shaders::kBigsViewFragGlsl, {"uGeometry", "uScatter"}}, program);
+    return view_.find(program, [&](const Program** made) {
+        return findProgram(asset_.context, {"view", shaders::kFullscreenVertGlsl, defines(false) + shaders::kBigsViewFragGlsl, {"uGeometry", "uScatter"}}, made);
+    });
 }
 
 Failure BigsAsset::combineProgram(bool occluded, const Program** program) const
 {
-    return findProgram(asset_.context, {"combine", shaders::kFullscreenVertGlsl, defines(occluded) + shaders::kBigsCombineFragGlsl,
-                                        {"uGeometry", "uDirect", "uIndirect", "uContracted", "uLights", "uVisible"}}, program);
+    return combine_[occluded].find(program, [&](const Program** made) {
+        return findProgram(asset_.context, {"combine", shaders::kFullscreenVertGlsl, defines(occluded) + shaders::kBigsCombineFragGlsl,
+                                        {"uGeometry", "uDirect", "uIndirect", "uContracted", "uLights", "uVisible"}}, made);
+    });
 }
 
 Failure BigsAsset::compileAhead(int)

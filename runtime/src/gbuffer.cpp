@@ -12,7 +12,7 @@
 
 namespace nacre {
 
-constexpr int kMostLayers = 8, kSurfaceLayers = 5; // the fifth has room for two lights, or one where models are mixed
+constexpr int kSurfaceLayers = 5;
 constexpr int kFurtherLights = 3 * kMostLayers;
 
 static int lightsBesideDepth(bool mixed) { return mixed ? 1 : 2; }
@@ -22,13 +22,23 @@ static int furtherLayersFor(int lights) { return (lights + 2) / 3; }
 
 Failure Gbuffer::splatProgram(const Pass& pass, const Program** program)
 {
+    return splat_[pass.extra][pass.mixed][pass.firstLayer][pass.layers].find(program, [&](const Program** made) { return findSplatProgram(pass, made); });
+}
+
+Failure Gbuffer::findSplatProgram(const Pass& pass, const Program** program)
+{
     const std::string defines = define("LAYERS", pass.layers) + define("FIRST_LAYER", pass.firstLayer) + define("EXTRA", int(pass.extra)) + define("MIXED", int(pass.mixed));
     return findProgram(context_, {"G-buffer", defines + shaders::kListGlsl + shaders::kSssGbufferVertGlsl, defines + shaders::kSssGbufferFragGlsl,
                                   {"uProjected0", "uProjected1", "uOrder", "uColor", "uAttributes"}}, program);
 }
 
-/// By the most lights of its layers, not by those that are there: few programs.
 Failure Gbuffer::resolveProgram(bool extra, bool mixed, int layers, const Program** program)
+{
+    return resolve_[extra][mixed][layers].find(program, [&](const Program** made) { return findResolveProgram(extra, mixed, layers, made); });
+}
+
+/// By the most lights of its layers, not by those that are there: few programs.
+Failure Gbuffer::findResolveProgram(bool extra, bool mixed, int layers, const Program** program)
 {
     const int lights = extra ? 3 * layers : lightsBesideDepth(mixed) + 3 * (layers - kSurfaceLayers);
     const std::string defines = define("EXTRA", int(extra)) + define("MIXED", int(mixed)) + define("LIGHTS", lights) + define("MIN_ROUGHNESS", kSssMinRoughness) +

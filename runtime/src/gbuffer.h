@@ -27,6 +27,8 @@ struct GbufferInput {
     float smallest;           // size of the smallest of them
 };
 
+constexpr int kMostLayers = 8; // of a pass of splats; the surface takes five, the fifth has room for two lights, or one where models are mixed
+
 class Gbuffer {
 public:
     explicit Gbuffer(Context& context) : context_(context) {}
@@ -47,6 +49,8 @@ private:
     };
 
     Failure splatProgram(const Pass& pass, const Program** program);
+    Failure findSplatProgram(const Pass& pass, const Program** program);
+    Failure findResolveProgram(bool extra, bool mixed, int layers, const Program** program);
     Failure resolveProgram(bool extra, bool mixed, int lights, const Program** program);
     Failure composeProgram(const Program** program);
     Failure grow(Target& target, GLenum format, GLenum depthFormat, int width, int height, int layers);
@@ -59,6 +63,7 @@ private:
     Target first_, further_, summed_;
     Texture lights_;
     float depthOrigin_ = 0, depthUnit_ = 1; // of the draw that runs
+    ProgramOnce splat_[2][2][kMostLayers][kMostLayers + 1], resolve_[2][2][kMostLayers + 1]; // [extra][mixed][first layer][layers]
 };
 
 } // namespace nacre

@@ -55,4 +55,21 @@ Failure findProgram(Context& context, const ProgramSource& source, const Program
 /// The same of a compute shader; only if gl.hasCompute().
 Failure findComputeProgram(Context& context, const char* what, const std::string& source, std::initializer_list<const char*> samplers, const Program** program);
 
+/// A program that is looked up once: making its source again for each draw would cost more than the draw.
+class ProgramOnce {
+public:
+    /// make(const Program**) finds it the first time.
+    template <class Make>
+    Failure find(const Program** program, Make make)
+    {
+        if (!known_)
+            if (Failure f = make(&known_)) return f;
+        *program = known_;
+        return {};
+    }
+
+private:
+    const Program* known_ = nullptr;
+};
+
 } // namespace nacre

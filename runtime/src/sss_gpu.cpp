@@ -96,8 +96,10 @@ public:
 
 private:
     void uploadNetwork(const SssChannels& channels, UploadQueue& queue);
+    Failure findLightProgram(int lanes, bool occluded, const Program** program) const;
 
     Asset& asset_;
+    mutable ProgramOnce light_[2][kMostLanes + 1], sum_, surface_, incident_[9]; // [occluded][lanes], [layers]
 };
 
 class SssInstance final : public InstanceModel {
@@ -215,6 +217,11 @@ Failure SssAsset::upload(const SplatAsset& source, UploadQueue& queue)
 
 Failure SssAsset::lightProgram(int lanes, bool occluded, const Program** program) const
 {
+    return light_[occluded][lanes].find(program, [&](const Program** made) { return findLightProgram(lanes, occluded, made); });
+}
+
+Failure SssAsset::findLightProgram(int lanes, bool occluded, const Program** program) const
+{
     const std::string common = define("LANES", lanes) + define("COMPUTE", int(computes())) + define("GROUP", kWorkgroup) +
                                define("VISIBILITY_SIZE", asset_.visibilitySize) + define("HAS_VISIBILITY", int(hasVisibility)) +
                                define("HAS_OCCLUSION", int(occluded)) + define("HAS_NETWORK", int(hasNetwork)) + define("HAS_SHARE", int(hasShare)) +
@@ -229,18 +236,24 @@ Failure SssAsset::lightProgram(int lanes, bool occluded, const Program** program
 
 Failure SssAsset::sumProgram(const Program** program) const
 {
-    return findProgram(asset_.context, {"sum", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kSssSumFragGlsl, {"uGeometry", "uLit"}}, program);
+    return sum_.find(program, [&](const Program** made) {
+        return findProgram(asset_.context, {"sum", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kSssSumFragGlsl, {"uGeometry", "uLit"}}, made);
+    });
 }
 
 Failure SssAsset::surfaceProgram(const Program** program) const
 {
-    return findProgram(asset_.context, {"surface", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kSssSurfaceFragGlsl, {"uGeometry"}}, program);
+    return surface_.find(program, [&](const Program** made) {
+        return findProgram(asset_.context, {"surface", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kSssSurfaceFragGlsl, {"uGeometry"}}, made);
+    });
 }
 
 Failure SssAsset::incidentProgram(int layers, const Program** program) const
 {
-    return findProgram(asset_.context, {"incident", shaders::kFullscreenVertGlsl, define("LAYERS", layers) + shaders::kPassGlsl + shaders::kSssIncidentFragGlsl, {"uLit"}},
-                       program);
+    return incident_[layers].find(program, [&](const Program** made) {
+        return findProgram(asset_.context, {"incident", shaders::kFullscreenVertGlsl, define("LAYERS", layers) + shaders::kPassGlsl + shaders::kSssIncidentFragGlsl, {"uLit"}},
+                       made);
+    });
 }
 
 Failure SssAsset::compileAhead(int mostLights)

@@ -25,7 +25,7 @@ static bool allowed(const Instance& instance, uint32_t viewMask) { return !insta
 /// What this draw is to show, with a place in the list.
 Failure View::collect(const ViewFrame& frame, std::span<const std::shared_ptr<Instance>> instances)
 {
-    drawn_.clear();
+    collected_.clear();
     for (const std::shared_ptr<Instance>& instance : instances) {
         if (!allowed(*instance, mask)) continue;
         if (!instance->model) instance->model = instance->asset->model->makeInstance(*instance);
@@ -36,9 +36,9 @@ Failure View::collect(const ViewFrame& frame, std::span<const std::shared_ptr<In
         entry.frame = makeInstanceFrame(frame, instance->placement);
         if (!entry.model) entry.model = instance->model->makeView();
         if (Failure f = list_.place(instance->handle.serial, instance->asset->grid.count, &entry.rows)) return f;
-        drawn_.push_back(&entry);
+        collected_.push_back(&entry);
     }
-    for (Entry* entry : drawn_) // a later one may have made the list wider
+    for (Entry* entry : collected_) // a later one may have made the list wider
         if (Failure f = list_.place(entry->instance->handle.serial, entry->instance->asset->grid.count, &entry->rows)) return f;
     return {};
 }
@@ -61,9 +61,14 @@ Failure View::relight(uint64_t budget)
             if (Failure f = entry->model->relight(entry->frame, list_, entry->rows, relit, &done)) return f;
         if (done) entry->doneIn = context_.passes.now(), entry->litList = list_.revision();
     }
-    std::erase_if(drawn_, [&](const Entry* entry) { return entry->litList != list_.revision(); }); // never lit: nothing to show yet
-    stats_.instancesDrawn = uint32_t(drawn_.size());
     return {};
+}
+
+Failure View::projectProgram(const Program** program)
+{
+    return projectProgram_.find(program, [&](const Program** made) {
+        return findProgram(context_, {"projection", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kProjectFragGlsl, {"uGeometry"}}, made);
+    });
 }
 
 /// Writes the records of instances that stand otherwise than in the last draw, all of them if the camera does.
@@ -72,12 +77,13 @@ Failure View::project(const ViewFrame& frame)
     const bool all = !(projectedFor_ == frame) || projectedRevision_ != list_.revision();
     projectedFor_ = frame, projectedRevision_ = list_.revision();
     const Program* program = nullptr;
-    if (Failure f = findProgram(context_, {"projection", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kProjectFragGlsl, {"uGeometry"}}, &program))
-        return f;
+    if (Failure f = projectProgram(&program)) return f;
     bool begun = false;
     for (Entry* entry : drawn_) {
         const Instance& instance = *entry->instance;
-        if (!all && entry->projected == entry->frame && entry->projectedLooks == instance.looksRevision && entry->projectedList == list_.revision() &&
+        const bool lit = entry->litList == list_.revision(); // else it has nothing to show yet
+        stats_.instancesDrawn += lit;
+        if (!all && entry->projectedLit == lit && entry->projected == entry->frame && entry->projectedLooks == instance.looksRevision && entry->projectedList == list_.revision() &&
             context_.passes.sure(entry->projectedIn))
             continue;
         if (!begun) {
@@ -98,9 +104,10 @@ Failure View::project(const ViewFrame& frame)
         program->set("uWorldFromAsset", entry->frame.worldFromAsset);
         program->set("uFromEye", entry->frame.fromEye);
         program->set("uLowPass", instance.asset->lowPassVariance);
+        program->set("uLit", int(lit));
         instance.model->geometry().bind(0);
         runPass(context_, list_.width(), entry->rows.first, entry->rows.count);
-        entry->projected = entry->frame, entry->projectedLooks = instance.looksRevision;
+        entry->projected = entry->frame, entry->projectedLooks = instance.looksRevision, entry->projectedLit = lit;
         entry->projectedList = list_.revision(), entry->projectedIn = context_.passes.now();
         stats_.projected = 1;
     }
@@ -112,9 +119,9 @@ static float eyeRounding(const ViewFrame& frame) { return float(4e-7 * glm::leng
 
 Failure View::sort(const ViewFrame& frame)
 {
-    std::sort(drawn_.begin(), drawn_.end(), [](const Entry* a, const Entry* b) { return a->rows.first < b->rows.first; });
+    std::sort(collected_.begin(), collected_.end(), [](const Entry* a, const Entry* b) { return a->rows.first < b->rows.first; });
     std::vector<OrderInstance> instances;
-    for (const Entry* entry : drawn_) {
+    for (const Entry* entry : collected_) {
         const Asset& asset = *entry->instance->asset;
         const InstanceFrame& f = entry->frame;
         instances.push_back({asset.positions.data(), asset.maxScales.data(), asset.grid.count, list_.firstIndex(entry->rows), f.worldFromAsset, f.fromEye, f.viewFromAsset,
@@ -125,7 +132,10 @@ Failure View::sort(const ViewFrame& frame)
     if (context_.gl.computesPictures) return sortOnGpu(instances, camera);
 #endif
     const bool changed = order_.update(instances, camera);
-    if (changed || orderedIn_ != list_.revision()) list_.upload(order_.farToNear());
+    if (changed || orderedIn_ != list_.revision()) {
+        list_.upload(order_.farToNear());
+        findSeenRows(order_.farToNear());
+    }
     orderedIn_ = list_.revision();
     stats_.sorted = changed && order_.hasSorted();
     stats_.splatsDrawn = uint32_t(order_.farToNear().size());
@@ -136,14 +146,32 @@ Failure View::sort(const ViewFrame& frame)
 Failure View::sortOnGpu(std::span<const OrderInstance> instances, const OrderCamera& camera)
 {
     std::vector<OrderGeometry> geometry;
-    for (const Entry* entry : drawn_) geometry.push_back({&entry->instance->asset->geometry, &entry->instance->asset->grid});
+    for (const Entry* entry : collected_) geometry.push_back({&entry->instance->asset->geometry, &entry->instance->asset->grid});
     if (Failure f = gpuOrder_.update(instances, geometry, camera, list_.order, orderedIn_ != list_.revision())) return f;
     orderedIn_ = list_.revision();
     stats_.sorted = gpuOrder_.hasSorted();
     stats_.splatsDrawn = gpuOrder_.count();
+    seenRows_.assign(size_t(list_.height()), true); // only the GPU knows better
     return growIndexBuffer(context_, gpuOrder_.count());
 }
 #endif
+
+void View::findSeenRows(std::span<const uint32_t> order)
+{
+    seenRows_.assign(size_t(list_.height()), false);
+    for (const uint32_t n : order) seenRows_[n / uint32_t(list_.width())] = true;
+}
+
+/// Those of the collected that have splats in the frame: the others cost nothing.
+void View::findSeen()
+{
+    const auto seen = [&](const Entry* e) {
+        const auto first = seenRows_.begin() + e->rows.first;
+        return std::find(first, first + e->rows.count, true) != first + e->rows.count;
+    };
+    drawn_.clear();
+    std::copy_if(collected_.begin(), collected_.end(), std::back_inserter(drawn_), seen);
+}
 
 Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch)
 {
@@ -153,13 +181,14 @@ Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<c
     context_.gl.BindVertexArray(context_.vertexArray);
     state.beginPasses();
     if (Failure f = collect(frame, instances)) return f;
+    if (collected_.empty()) return {};
+    if (Failure f = sort(frame)) return f;
+    findSeen();
+    stats_.sortSeconds = watch.lap();
     if (Failure f = relight(relightBudget)) return f;
     stats_.relightSeconds = watch.lap();
     if (Failure f = project(frame)) return f;
-    const double projected = watch.lap();
-    if (Failure f = sort(frame)) return f;
-    stats_.sortSeconds = watch.lap();
-    stats_.rasterSeconds = projected;
+    stats_.rasterSeconds = watch.lap();
     return {};
 }
 
@@ -191,8 +220,8 @@ Failure View::rasterQuads(const ViewFrame& frame, bool depthTest, GlStateGuard& 
 
 Failure View::splatProgram(const Program** program)
 {
-    return findProgram(context_, {"splat", std::string(shaders::kListGlsl) + shaders::kSplatVertGlsl, shaders::kSplatFragGlsl,
-                                  {"uProjected0", "uProjected1", "uOrder", "uColor"}}, program);
+    return splatProgram_.find(program, [&](const Program** made) { return findProgram(context_, {"splat", std::string(shaders::kListGlsl) + shaders::kSplatVertGlsl, shaders::kSplatFragGlsl,
+                                  {"uProjected0", "uProjected1", "uOrder", "uColor"}}, made); });
 }
 
 /// Those of any instance that is shaded.
@@ -313,6 +342,7 @@ Failure View::prepare(const NacreDrawDesc* desc, std::span<const std::shared_ptr
         if (Failure f = model.compileAhead(mostLights)) return f;
     }
     const Program* program = nullptr;
+    if (Failure f = projectProgram(&program)) return f;
     if (emits && !shades)
         if (Failure f = splatProgram(&program)) return f;
 #if NACRE_WITH_GL43

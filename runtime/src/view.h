@@ -37,6 +37,7 @@ private:
         InstanceFrame frame, projected{};
         uint64_t drawnIn = 0, doneIn = 0, projectedIn = 0;  // draws; done: when nothing of it was outdated
         uint64_t litList = 0, projectedList = 0, projectedLooks = 0; // revisions
+        bool projectedLit = false;
     };
 
     Failure update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch);
@@ -45,6 +46,9 @@ private:
     Failure project(const ViewFrame& frame);
     Failure sort(const ViewFrame& frame);
     Failure sortOnGpu(std::span<const OrderInstance> instances, const OrderCamera& camera);
+    void findSeenRows(std::span<const uint32_t> order);
+    void findSeen();
+    Failure projectProgram(const Program** program);
     Failure splatProgram(const Program** program);
     Failure raster(const ViewFrame& frame, bool depthTest, GlStateGuard& state);
     Failure rasterQuads(const ViewFrame& frame, bool depthTest, GlStateGuard& state);
@@ -59,10 +63,12 @@ private:
     GpuOrder gpuOrder_;
     TileRaster tiles_;
     std::unordered_map<uint32_t, Entry> entries_; // by serial of the instance
-    std::vector<Entry*> drawn_;                   // by this draw, in its order
+    std::vector<Entry*> collected_, drawn_;       // of this draw, in its order: all, and those with splats in the frame
+    std::vector<bool> seenRows_;                  // rows of the list that are in the order
     ViewFrame projectedFor_;
     uint64_t projectedRevision_ = 0, orderedIn_ = 0; // of the list
     ViewLights lights_;
+    ProgramOnce projectProgram_, splatProgram_;
     NacreDrawStats stats_{};
 };
 

@@ -213,7 +213,7 @@ Image blendedImage(const SplatAsset& asset, const Camera& camera, ChannelsOf cha
     const View<double> view = makeView<double>(camera, asset.lowPassVariance);
     std::vector<ProjectedGaussian<double>> splats;
     std::vector<double> values;
-    size_t channels = 0;
+    const size_t channels = channelsOf(0).size();
     for (size_t g = 0; g < asset.cloud.count; ++g) {
         const glm::vec3 &p = asset.cloud.positions[g], &s = asset.cloud.scales[g];
         const glm::quat& q = asset.cloud.rotations[g];
@@ -223,7 +223,6 @@ Image blendedImage(const SplatAsset& asset, const Camera& camera, ChannelsOf cha
         splats.push_back(projected);
         const std::vector<double> own = channelsOf(g);
         values.insert(values.end(), own.begin(), own.end());
-        channels = own.size();
     }
     std::vector<uint32_t> order(splats.size());
     std::iota(order.begin(), order.end(), 0u);

@@ -442,3 +442,24 @@ TEST_CASE("an orthographic view shows what a camera far away shows")
         CHECK(work(host, host.view) == kNone);
     }
 }
+
+TEST_CASE("an instance out of the frame is neither relit nor projected; one that comes in shows what it would have shown")
+{
+    if (!haveGl()) return;
+    for (const SplatAsset& asset : bothModels()) {
+        CAPTURE(asset.model);
+        Host scene, fresh;
+        const glm::dvec3 behind = kCamera.position() + 3.0 * glm::dvec3(kCamera.worldFromCamera[2]); // the camera looks along -z
+        scene.place(asset), fresh.place(asset), fresh.place(asset, shift({0.2, 0, 0}));
+        const NacreInstance other = scene.place(asset, shift(behind));
+        scene.draw(kCamera, kLights);
+        CHECK(scene.stats().instancesDrawn == 1);
+        CHECK(scene.stats().combinePassesRun == 1);
+        float in[16];
+        copy(in, shift({0.2, 0, 0}));
+        REQUIRE(nacreInstanceSetTransform(other, in) == NACRE_OK);
+        const Image seen = scene.draw(kCamera);
+        CHECK(scene.stats().instancesDrawn == 2);
+        CHECK(largestDifference(seen, fresh.draw(kCamera, kLights)) == 0.0f);
+    }
+}
