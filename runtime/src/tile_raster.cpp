@@ -129,6 +129,7 @@ Failure TileRaster::draw(const ViewFrame& frame, const DrawList& list, uint32_t 
         }
         barrier();
     }
+    gl.UseProgram(0); // Mesa holds on to a program that comes right after one of compute, even if it is deleted
     composeProgram_->use();
     composeProgram_->set("uViewport", frame.viewport);
     image_.bind(0);
