@@ -380,6 +380,67 @@ TEST_CASE("absurd numbers in any field are refused with a message or drawn finit
     }
 }
 
+TEST_CASE("absurd shadow maps are refused with a message or drawn finite, and without them it is as before")
+{
+    if (!haveGl()) return;
+    Host host(randomAsset(8, 4, 1));
+    const Image before = host.draw(kCamera, kLamp);
+    const GLenum targets[] = {GL_TEXTURE_2D, GL_TEXTURE_2D_ARRAY, GL_TEXTURE_CUBE_MAP}; // by NacreShadowMapKind
+    GLuint textures[3];
+    glGenTextures(3, textures);
+    for (int kind = 0; kind < 3; ++kind) {
+        glBindTexture(targets[kind], textures[kind]);
+        if (kind == NACRE_SHADOW_MAP_ARRAY) glTexImage3D(targets[kind], 0, GL_DEPTH_COMPONENT32F, 8, 8, 2, 0, GL_DEPTH_COMPONENT, GL_FLOAT, nullptr);
+        for (GLenum face = 0; face < 6 && kind == NACRE_SHADOW_MAP_CUBE; ++face)
+            glTexImage2D(GL_TEXTURE_CUBE_MAP_POSITIVE_X + face, 0, GL_DEPTH_COMPONENT32F, 8, 8, 0, GL_DEPTH_COMPONENT, GL_FLOAT, nullptr);
+        if (kind == NACRE_SHADOW_MAP_2D) glTexImage2D(targets[kind], 0, GL_DEPTH_COMPONENT32F, 8, 8, 0, GL_DEPTH_COMPONENT, GL_FLOAT, nullptr);
+        glTexParameteri(targets[kind], GL_TEXTURE_MAX_LEVEL, 0);
+    }
+    float matrices[8 * 16] = {};
+    for (int m = 0; m < 8; ++m)
+        for (int k = 0; k < 4; ++k) matrices[16 * m + 5 * k] = 1;
+
+    const NacreDrawDesc desc = describe(kCamera);
+    const auto lit = [&](const NacreShadowMap& map) {
+        NacreLight light = toNacre(kLamp[0]);
+        light.shadowMap = &map;
+        NacreResult result = nacreContextSetLights(host.context, &light, 1);
+        if (result != NACRE_OK) return result;
+        REQUIRE(host.gl->beginFrame(16, 16));
+        result = nacreViewDraw(host.view, &desc);
+        if (!allFinite(host.gl->readFrame())) FAIL_CHECK("not finite");
+        return result;
+    };
+    for (int kind = 0; kind < 3; ++kind) {
+        CAPTURE(kind);
+        NacreShadowMap map{};
+        map.structSize = sizeof map, map.kind = NacreShadowMapKind(kind), map.texture = textures[kind], map.layers = kind == NACRE_SHADOW_MAP_ARRAY ? 2 : 0;
+        map.clipFromWorld = kind == NACRE_SHADOW_MAP_CUBE ? nullptr : matrices;
+        map.nearPlane = 0.1f, map.farPlane = 10, map.bias = 0.01f, map.softness = 1;
+        CHECK_MESSAGE(lit(map) == NACRE_OK, host.lastMessage());
+        eachWord(host, map, offsetof(NacreShadowMap, nearPlane), offsetof(NacreShadowMap, revision), lit);
+        if (kind != NACRE_SHADOW_MAP_CUBE)
+            for (const uint32_t value : kAbsurd) {
+                std::memcpy(&matrices[6], &value, 4);
+                host.messages.clear();
+                if (lit(map) != NACRE_OK) CHECK(host.messages.size() == 1);
+            }
+        matrices[6] = 0;
+        for (const uint32_t name : {0u, 0x7FFFFFFFu, textures[(kind + 1) % 3]}) { // none, one that is not there, one of another kind
+            CAPTURE(name);
+            NacreShadowMap other = map;
+            other.texture = name;
+            host.messages.clear();
+            if (lit(other) != NACRE_OK) CHECK(host.messages.size() == 1);
+            CHECK(glGetError() == GL_NO_ERROR);
+        }
+    }
+    host.setLights(kLamp);
+    CHECK(largestDifference(host.draw(kCamera), before) < 1e-6f);
+    CHECK(glGetError() == GL_NO_ERROR);
+    glDeleteTextures(3, textures);
+}
+
 TEST_CASE("absurd counts and sizes are refused with a message or do no harm")
 {
     if (!haveGl()) return;
