@@ -37,7 +37,6 @@ constexpr double kRounding = 1e-5; // rows and shaders are float
 struct Candidate {
     PackedLight light;
     uint32_t point = 0;
-    LightBounds bounds;
 };
 
 /// Whether the point is the right one of those that stand for its area light at this distance.
@@ -75,48 +74,74 @@ struct SlotHash {
     size_t operator()(const PackedLight& light) const { return size_t(fnv1a(&light, sizeof light)); }
 };
 
-/// The slots of `lights` after its candidates have changed: what was there and still is keeps its place.
-void assignSlots(const std::vector<Candidate>& candidates, size_t pointCount, InstanceLights* lights)
+/// Puts candidates, in the order of their points, into the slots that are open, or further ones: whoever has one like it keeps it, as does
+/// the point that was there and has changed. The last slots go where none is left. Returns whether any slot is another one.
+bool fillSlots(const std::vector<uint32_t>& open, const std::vector<Candidate>& candidates, bool moved, InstanceLights* lights)
 {
-    constexpr uint32_t kNone = ~0u;
-    const size_t oldCount = lights->packed.size();
-    std::vector<uint32_t> inSlot(oldCount, kNone); // candidates
-    std::vector<uint32_t> ofPoint(pointCount, kNone);
-    std::vector<bool> placed(candidates.size());
-    for (size_t i = 0; i < candidates.size(); ++i) ofPoint[candidates[i].point] = uint32_t(i);
-    const auto put = [&](size_t slot, uint32_t candidate) { inSlot[slot] = candidate, placed[candidate] = true; };
-    const auto ownOf = [&](size_t slot) { return lights->point[slot] < pointCount ? ofPoint[lights->point[slot]] : kNone; };
-
-    // The same light of the same number.
-    for (size_t s = 0; s < oldCount; ++s)
-        if (const uint32_t c = ownOf(s); c != kNone && candidates[c].light == lights->packed[s]) put(s, c);
-    // The same light of another number: lights before it have come or gone.
-    std::unordered_multimap<PackedLight, uint32_t, SlotHash> others;
-    for (uint32_t c = 0; c < candidates.size(); ++c)
-        if (!placed[c]) others.emplace(candidates[c].light, c);
-    for (size_t s = 0; s < oldCount && !others.empty(); ++s)
-        if (inSlot[s] == kNone)
-            if (const auto found = others.find(lights->packed[s]); found != others.end()) put(s, found->second), others.erase(found);
-    // Another light of the same number: it has moved.
-    for (size_t s = 0; s < oldCount; ++s)
-        if (const uint32_t c = ownOf(s); inSlot[s] == kNone && c != kNone && !placed[c]) put(s, c);
-    // New ones: free slots, then further ones.
-    size_t free = 0;
-    for (uint32_t c = 0; c < candidates.size(); ++c) {
+    std::vector<bool> filled(open.size()), placed(candidates.size());
+    bool differs = false;
+    const auto put = [&](size_t k, size_t c) {
+        const uint32_t slot = open[k];
+        filled[k] = placed[c] = true;
+        differs = differs || !(lights->packed[slot] == candidates[c].light);
+        lights->packed[slot] = candidates[c].light, lights->point[slot] = candidates[c].point;
+    };
+    // The same light, perhaps under another number: some before it have come or gone. For an instance that has moved none is the same.
+    std::unordered_multimap<PackedLight, size_t, SlotHash> alike;
+    for (size_t c = 0; c < candidates.size() && !open.empty() && !moved; ++c) alike.emplace(candidates[c].light, c);
+    for (size_t k = 0; k < open.size() && !alike.empty(); ++k)
+        if (const auto found = alike.find(lights->packed[open[k]]); found != alike.end()) put(k, found->second), alike.erase(found);
+    // Another light under the same number: it has moved.
+    for (size_t k = 0; k < open.size(); ++k) {
+        const auto own = std::lower_bound(candidates.begin(), candidates.end(), lights->point[open[k]], [](const Candidate& c, uint32_t p) { return c.point < p; });
+        if (!filled[k] && own != candidates.end() && own->point == lights->point[open[k]] && !placed[size_t(own - candidates.begin())])
+            put(k, size_t(own - candidates.begin()));
+    }
+    // New ones.
+    size_t k = 0;
+    for (size_t c = 0; c < candidates.size(); ++c) {
         if (placed[c]) continue;
-        while (free < inSlot.size() && inSlot[free] != kNone) ++free;
-        if (free == inSlot.size()) inSlot.push_back(kNone);
-        put(free, c);
+        while (k < open.size() && filled[k]) ++k;
+        if (k < open.size()) {
+            put(k, c);
+        } else {
+            lights->packed.push_back(candidates[c].light), lights->point.push_back(candidates[c].point);
+            differs = true;
+        }
     }
-    // Slots that stay free are filled from the end.
-    for (size_t s = 0; s < inSlot.size(); ++s) {
-        while (!inSlot.empty() && inSlot.back() == kNone) inSlot.pop_back();
-        if (s < inSlot.size() && inSlot[s] == kNone) inSlot[s] = inSlot.back(), inSlot.pop_back();
+    // Slots that stay free: `last` is the last of them, since all behind the last slot that is taken go.
+    for (size_t first = 0, last = open.size(); first < last;) {
+        if (filled[last - 1]) {
+            --last;
+        } else if (filled[first]) {
+            ++first;
+        } else {
+            const size_t end = lights->packed.size() - 1;
+            if (open[last - 1] == end) --last;
+            else lights->packed[open[first]] = lights->packed[end], lights->point[open[first]] = lights->point[end], ++first;
+            lights->packed.pop_back(), lights->point.pop_back();
+            differs = true;
+        }
     }
+    return differs;
+}
 
-    lights->packed.resize(inSlot.size());
-    lights->point.resize(inSlot.size());
-    for (size_t s = 0; s < inSlot.size(); ++s) lights->packed[s] = candidates[inSlot[s]].light, lights->point[s] = candidates[inSlot[s]].point;
+LightBounds boundPoint(const LightPoint& p, const InstancePlace& place)
+{
+    if (!hasRightDistance(p, place)) return {0, -1};
+    return p.mask & place.mask ? boundLight(packPoint(p, place), place) : LightBounds{};
+}
+
+/// What a light may give at most and be left out.
+double faintest(const std::vector<LightPoint>& points, const std::vector<LightBounds>& bounds)
+{
+    double sum = 0;
+    size_t concerned = 0;
+    for (size_t i = 0; i < points.size(); ++i) {
+        concerned += bounds[i].most >= 0;
+        if (!points[i].shadowed) sum += bounds[i].least; // of the others it is not known what arrives
+    }
+    return sum * std::min(kLeastShareOfOne, kLeastShare / double(std::max<size_t>(concerned, 1)));
 }
 
 } // namespace
@@ -143,27 +168,30 @@ bool packLights(const LightSet& set, const InstancePlace& place, InstanceLights*
 {
     if (lights->revision == set.revision() && lights->place == place) return false;
     const std::vector<LightPoint>& points = set.points();
-    std::vector<Candidate> candidates;
-    double sum = 0;
-    size_t concerned = 0;
-    for (size_t i = 0; i < points.size(); ++i) {
-        if (!hasRightDistance(points[i], place)) continue;
-        ++concerned;
-        if (!(points[i].mask & place.mask)) continue;
-        Candidate c{packPoint(points[i], place), uint32_t(i), {}};
-        c.bounds = boundLight(c.light, place);
-        if (!points[i].shadowed) sum += c.bounds.least; // of the others it is not known what arrives
-        candidates.push_back(c);
-    }
-    const double faint = sum * std::min(kLeastShareOfOne, kLeastShare / double(std::max<size_t>(candidates.size(), 1)));
-    std::erase_if(candidates, [&](const Candidate& c) { return !(c.bounds.most > faint); });
+    const bool moved = !(lights->place == place);
+    const auto changed = [&](size_t i) { return moved || set.changedAt()[i] > lights->revision; };
+    lights->bounds.resize(points.size());
+    for (size_t i = 0; i < points.size(); ++i)
+        if (changed(i)) lights->bounds[i] = boundPoint(points[i], place);
+    const double faint = faintest(points, lights->bounds);
+    const auto matters = [&](size_t i) { return lights->bounds[i].most > faint; };
 
-    const std::vector<PackedLight> before = lights->packed;
-    assignSlots(candidates, points.size(), lights);
-    lights->skipped = concerned - candidates.size();
+    std::vector<bool> stays(points.size());
+    std::vector<uint32_t> open;
+    for (uint32_t s = 0; s < lights->packed.size(); ++s) {
+        const uint32_t p = lights->point[s];
+        if (p < points.size() && matters(p) && !changed(p)) stays[p] = true;
+        else open.push_back(s);
+    }
+    std::vector<Candidate> candidates;
+    for (uint32_t i = 0; i < points.size(); ++i)
+        if (matters(i) && !stays[i]) candidates.push_back({packPoint(points[i], place), i});
+    const bool differs = fillSlots(open, candidates, moved, lights);
+    const auto concerned = std::count_if(lights->bounds.begin(), lights->bounds.end(), [](const LightBounds& b) { return b.most >= 0; });
+    lights->skipped = size_t(concerned) - lights->packed.size();
     lights->revision = set.revision();
     lights->place = place;
-    return lights->packed != before;
+    return differs;
 }
 
 } // namespace nacre

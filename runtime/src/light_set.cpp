@@ -234,12 +234,14 @@ void LightSet::setEnvironment(const NacreEnvironment* e)
 
 void LightSet::join()
 {
-    const bool same = points_.size() == ofLights_.size() + ofEnvironment_.size() && std::equal(ofLights_.begin(), ofLights_.end(), points_.begin()) &&
-                      std::equal(ofEnvironment_.begin(), ofEnvironment_.end(), points_.begin() + ptrdiff_t(ofLights_.size()));
-    if (same) return;
-    points_ = ofLights_;
-    points_.insert(points_.end(), ofEnvironment_.begin(), ofEnvironment_.end());
+    std::vector<LightPoint> now = ofLights_;
+    now.insert(now.end(), ofEnvironment_.begin(), ofEnvironment_.end());
+    if (now == points_) return;
     ++revision_;
+    changedAt_.resize(now.size(), revision_);
+    for (size_t i = 0; i < std::min(now.size(), points_.size()); ++i)
+        if (!(now[i] == points_[i])) changedAt_[i] = revision_;
+    points_ = std::move(now);
 }
 
 } // namespace nacre

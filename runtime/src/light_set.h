@@ -66,8 +66,10 @@ public:
 
     /// Those of the lights in their order, then those of the environment.
     const std::vector<LightPoint>& points() const { return points_; }
-    /// Another number whenever any point is another one; never 0.
+    /// Another number, a larger one, whenever any point is another one; never 0.
     uint64_t revision() const { return revision_; }
+    /// Of each point, the revision with which it became what it is.
+    const std::vector<uint64_t>& changedAt() const { return changedAt_; }
 
 private:
     struct Environment;
@@ -75,6 +77,7 @@ private:
 
     std::vector<std::shared_ptr<const ShadowMap>> shadowMaps_; // by light
     std::vector<LightPoint> ofLights_, ofEnvironment_, points_;
+    std::vector<uint64_t> changedAt_;
     std::unique_ptr<Environment> environment_; // what its directions were made from
     uint64_t revision_ = 1;
 };
@@ -94,12 +97,18 @@ struct PackedLight {
     bool operator==(const PackedLight&) const = default;
 };
 
+/// Bounds of what a light gives the places of a box, falloff, cone and window, for any rgb the largest of the intensity.
+struct LightBounds {
+    double least = 0, most = 0; // most < 0: stands for its area light at other distances than that of the instance
+};
+
 struct InstanceLights {
     std::vector<PackedLight> packed;  // of the slots
     std::vector<uint32_t> point;      // per slot: index into LightSet::points()
     size_t skipped = 0;               // points that are left out: they reach nothing of the instance
     uint64_t revision = 0;            // of the set they were made from
     InstancePlace place;
+    std::vector<LightBounds> bounds;  // of all points, so that only those that change are looked at
 };
 
 /// A point in the space of a place.
@@ -114,10 +123,6 @@ bool packLights(const LightSet& set, const InstancePlace& place, InstanceLights*
 constexpr double kLeastShare = 1e-4;      // of all that are left out
 constexpr double kLeastShareOfOne = 1e-6; // of each of them
 
-/// Bounds of what a light gives the places of a box, falloff, cone and window, for any rgb the largest of the intensity.
-struct LightBounds {
-    double least = 0, most = 0;
-};
 LightBounds boundLight(const PackedLight& light, const InstancePlace& place);
 
 } // namespace nacre

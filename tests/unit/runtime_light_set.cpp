@@ -17,6 +17,7 @@
 #include <limits>
 #include <numbers>
 #include <random>
+#include <utility>
 
 using namespace nacre;
 
@@ -251,6 +252,40 @@ TEST_CASE("of 300 lights one that comes, goes, moves or changes touches one slot
         for (size_t s = 0; s < lights.packed.size(); ++s) { // each slot is what its point says
             const glm::vec3 world = glm::inverse(place.assetFromWorld) * glm::dvec4(glm::vec3(lights.packed[s].row[0]), 1);
             REQUIRE(glm::distance(world, glm::vec3(set.points()[lights.point[s]].position)) < 1e-4f); // float at distances of 3 / scale
+        }
+    }
+}
+
+TEST_CASE("whatever comes, goes and moves, the slots hold what they would had all of it been there at once")
+{
+    Random random(10);
+    for (int run = 0; run < 10; ++run) {
+        std::vector<NacreLight> hosts;
+        LightSet set;
+        InstanceLights lights;
+        InstancePlace place = placeAt(random.place());
+        for (int step = 0; step < 60; ++step) {
+            for (int k = int(random.in(0, 6)); k > 0; --k) {
+                if (random.in(0, 1) < 0.4) hosts.insert(hosts.begin() + ptrdiff_t(random.in(0, double(hosts.size()) + 0.99)), randomLight(random, 6));
+                else if (!hosts.empty() && random.in(0, 1) < 0.5) hosts.erase(hosts.begin() + ptrdiff_t(random.in(0, double(hosts.size()) - 0.01)));
+                else if (!hosts.empty()) hosts[size_t(random.in(0, double(hosts.size()) - 0.01))] = randomLight(random, 6);
+            }
+            if (step % 9 == 8) place = placeAt(random.place(), 1u << step % 3);
+            for (NacreLight& l : hosts) l.mask = 3;
+            set.setLights(hosts);
+            packLights(set, place, &lights);
+            InstanceLights fresh;
+            packLights(set, place, &fresh);
+            REQUIRE(lights.packed.size() == fresh.packed.size());
+            REQUIRE(lights.skipped == fresh.skipped);
+            REQUIRE(lights.packed.size() == lights.point.size());
+            std::vector<int> of(set.points().size(), -1);
+            for (size_t s = 0; s < fresh.point.size(); ++s) of[fresh.point[s]] = int(s);
+            for (size_t s = 0; s < lights.point.size(); ++s) {
+                const int there = std::exchange(of[lights.point[s]], -1);
+                REQUIRE(there >= 0);
+                REQUIRE(lights.packed[s] == fresh.packed[size_t(there)]);
+            }
         }
     }
 }
