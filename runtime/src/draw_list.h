@@ -29,7 +29,6 @@ public:
     uint64_t attributesRevision() const { return attributesRevision_; }
 
     int width() const { return width_; }
-    int height() const { return rows_; }
     uint32_t firstIndex(const ListRows& rows) const { return uint32_t(rows.first) * uint32_t(width_); }
     void set(const Program& program, const ListRows& rows) const;
     /// Uploads the order.

@@ -192,21 +192,24 @@ void Order::pass(std::span<const OrderInstance> instances, bool sorts)
     for (const OrderInstance& i : instances) end = std::max(end, i.first + i.count);
     touches_.assign(end / 32 + 2, 0u);
     touching_ = 0;
+    drawnOf_.clear();
     Block b;
     uint32_t* keys = keys_.data();
     for (size_t n = 0; n < instances.size(); ++n) {
         const OrderInstance& i = instances[n];
         const float scale = float(worldScale(i));
         const Side side = sideOf(i, bounds_[n], scale);
+        const size_t before = touching_;
         if (side == Side::kInside) markAll(i);
-        if (!sorts && side != Side::kAcross) continue;
-        for (uint32_t g = 0; g < i.count; g += Block::kSize) {
+        const bool places = sorts || side == Side::kAcross;
+        for (uint32_t g = 0; places && g < i.count; g += Block::kSize) {
             b.place(i, g);
             if (sorts) computeKeys(b, keys), keys += b.count;
             if (side != Side::kAcross) continue;
             for (uint32_t k = 0; k < b.count; ++k) b.scale[k] = scale * i.maxScales[g + k];
             mark(b);
         }
+        drawnOf_.push_back(uint32_t(touching_ - before));
     }
 }
 

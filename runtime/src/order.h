@@ -63,6 +63,9 @@ public:
     /// near its border.
     std::span<const uint32_t> farToNear() const { return allDrawn_ ? std::span<const uint32_t>(sorted_) : drawn_; }
 
+    /// How many splats of each instance are in farToNear().
+    std::span<const uint32_t> drawnOf() const { return drawnOf_; }
+
     /// Whether the last update() sorted, or only culled or found everything as it was.
     bool hasSorted() const { return hasSorted_; }
 
@@ -112,6 +115,7 @@ private:
     Frustum culled_;                 // the frame that was culled to
     std::vector<uint32_t> touches_;  // a bit for each list index
     size_t touching_ = 0;
+    std::vector<uint32_t> drawnOf_;
     std::vector<uint32_t> drawn_;    // what touches, in order
     bool allSorted_ = true, allDrawn_ = true, hasSorted_ = false;
 };

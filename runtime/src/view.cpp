@@ -132,13 +132,13 @@ Failure View::sort(const ViewFrame& frame)
     if (context_.gl.computesPictures) return sortOnGpu(instances, camera);
 #endif
     const bool changed = order_.update(instances, camera);
-    if (changed || orderedIn_ != list_.revision()) {
-        list_.upload(order_.farToNear());
-        findSeenRows(order_.farToNear());
-    }
+    if (changed || orderedIn_ != list_.revision()) list_.upload(order_.farToNear());
     orderedIn_ = list_.revision();
     stats_.sorted = changed && order_.hasSorted();
     stats_.splatsDrawn = uint32_t(order_.farToNear().size());
+    drawn_.clear(); // those that have splats in the frame: the others cost nothing
+    for (size_t k = 0; k < collected_.size(); ++k)
+        if (order_.drawnOf()[k] > 0) drawn_.push_back(collected_[k]);
     return growIndexBuffer(context_, order_.farToNear().size());
 }
 
@@ -151,27 +151,10 @@ Failure View::sortOnGpu(std::span<const OrderInstance> instances, const OrderCam
     orderedIn_ = list_.revision();
     stats_.sorted = gpuOrder_.hasSorted();
     stats_.splatsDrawn = gpuOrder_.count();
-    seenRows_.assign(size_t(list_.height()), true); // only the GPU knows better
+    drawn_ = collected_; // only the GPU knows better
     return growIndexBuffer(context_, gpuOrder_.count());
 }
 #endif
-
-void View::findSeenRows(std::span<const uint32_t> order)
-{
-    seenRows_.assign(size_t(list_.height()), false);
-    for (const uint32_t n : order) seenRows_[n / uint32_t(list_.width())] = true;
-}
-
-/// Those of the collected that have splats in the frame: the others cost nothing.
-void View::findSeen()
-{
-    const auto seen = [&](const Entry* e) {
-        const auto first = seenRows_.begin() + e->rows.first;
-        return std::find(first, first + e->rows.count, true) != first + e->rows.count;
-    };
-    drawn_.clear();
-    std::copy_if(collected_.begin(), collected_.end(), std::back_inserter(drawn_), seen);
-}
 
 Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch)
 {
@@ -183,7 +166,6 @@ Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<c
     if (Failure f = collect(frame, instances)) return f;
     if (collected_.empty()) return {};
     if (Failure f = sort(frame)) return f;
-    findSeen();
     stats_.sortSeconds = watch.lap();
     if (Failure f = relight(relightBudget)) return f;
     stats_.relightSeconds = watch.lap();

@@ -46,8 +46,6 @@ private:
     Failure project(const ViewFrame& frame);
     Failure sort(const ViewFrame& frame);
     Failure sortOnGpu(std::span<const OrderInstance> instances, const OrderCamera& camera);
-    void findSeenRows(std::span<const uint32_t> order);
-    void findSeen();
     Failure projectProgram(const Program** program);
     Failure splatProgram(const Program** program);
     Failure raster(const ViewFrame& frame, bool depthTest, GlStateGuard& state);
@@ -64,7 +62,6 @@ private:
     TileRaster tiles_;
     std::unordered_map<uint32_t, Entry> entries_; // by serial of the instance
     std::vector<Entry*> collected_, drawn_;       // of this draw, in its order: all, and those with splats in the frame
-    std::vector<bool> seenRows_;                  // rows of the list that are in the order
     ViewFrame projectedFor_;
     uint64_t projectedRevision_ = 0, orderedIn_ = 0; // of the list
     ViewLights lights_;

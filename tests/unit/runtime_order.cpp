@@ -167,6 +167,19 @@ TEST_CASE("instances are placed by their own matrices, mirrored and scaled ones 
     Order order;
     order.update(instances, viewer.camera());
     CHECK(toVector(order.farToNear()) == expectedOrder(instances, viewer.camera()));
+
+    // nearer and aside, some are in the frame in part, or not at all
+    for (const double x : {0.0, 1.5, 4.0, 30.0}) {
+        CAPTURE(x);
+        const Viewer near = lookingAt({x, 2, 5}, {x, 0, 0}, 90);
+        const OrderInstance seen[] = {near.see(cloud, 0, turned), near.see(cloud, 2048, glm::translate(glm::dmat4(1), glm::dvec3(3, 0, 0))),
+                                      near.see(cloud, 4096, glm::scale(glm::dmat4(1), glm::dvec3(1.5)))};
+        order.update(seen, near.camera());
+        uint32_t drawn[3] = {};
+        for (const uint32_t at : order.farToNear()) ++drawn[at / 2048];
+        CHECK(toVector(order.drawnOf()) == std::vector<uint32_t>(drawn, drawn + 3));
+        if (x == 30) CHECK(order.farToNear().empty());
+    }
 }
 
 TEST_CASE("an orthographic view orders by depth, on both sides of the reference point")
