@@ -14,6 +14,9 @@
 
 namespace nacre {
 
+/// Known to be false in a build without the model that is, so that the linker drops what shades.
+static bool isShaded(const Asset& asset) { return NACRE_WITH_SSS && asset.model->shadesPixels(); }
+
 void View::forget(uint32_t serial)
 {
     entries_.erase(serial);
@@ -213,7 +216,7 @@ ViewLights View::collectLights(const ViewFrame& frame) const
     const std::vector<LightPoint>& points = context_.lights.points();
     std::vector<bool> used(points.size());
     for (const Entry* entry : drawn_)
-        if (entry->instance->asset->model->shadesPixels())
+        if (isShaded(*entry->instance->asset))
             for (const uint32_t p : entry->instance->lights.point) used[p] = true;
     const InstancePlace eye{glm::translate(glm::dmat4(1), -frame.eye)};
     for (uint32_t p = 0; p < used.size(); ++p)
@@ -248,7 +251,7 @@ Failure View::gather(const ViewFrame& frame)
     lights_ = collectLights(frame);
     if (Failure f = list_.growAttributes(3 + (int(lights_.points.size()) + 2) / 3)) return f;
     for (Entry* entry : drawn_) {
-        const bool shaded = entry->instance->asset->model->shadesPixels();
+        const bool shaded = isShaded(*entry->instance->asset);
         if (Failure f = entry->model->gather(entry->frame, list_, entry->rows, shaded ? slotsOf(*entry->instance, lights_) : std::vector<int>())) return f;
     }
     return {};
@@ -259,7 +262,7 @@ Failure View::rasterShaded(const ViewFrame& frame, bool depthTest, GlStateGuard&
     GbufferInput input{frame, list_, lights_, stats_.splatsDrawn, false, depthTest, false, glm::vec3(INFINITY), glm::vec3(-INFINITY), INFINITY};
     for (const Entry* entry : drawn_) {
         const Instance& instance = *entry->instance;
-        const bool shaded = instance.asset->model->shadesPixels();
+        const bool shaded = isShaded(*instance.asset);
         input.mixed = input.mixed || !shaded;
         input.bright = input.bright || arriving(instance) * double(instance.model->brightest()) > double(kMaxHalf);
         if (!shaded) continue;
@@ -295,7 +298,7 @@ Failure View::draw(const NacreDrawDesc& desc, std::span<const std::shared_ptr<In
     Stopwatch watch(context_);
     GlStateGuard state(context_.gl, context_.hostState);
     Failure failure = update(frame, desc.maxRelightSplats, instances, state, watch);
-    const bool shades = std::any_of(drawn_.begin(), drawn_.end(), [](const Entry* e) { return e->instance->asset->model->shadesPixels(); });
+    const bool shades = std::any_of(drawn_.begin(), drawn_.end(), [](const Entry* e) { return isShaded(*e->instance->asset); });
     if (!failure && shades && stats_.splatsDrawn > 0) failure = gather(frame);
     context_.passes.end();
     if (failure) return failure;
@@ -320,7 +323,7 @@ Failure View::prepare(const NacreDrawDesc* desc, std::span<const std::shared_ptr
     for (const std::shared_ptr<Instance>& instance : instances) {
         AssetModel& model = *instance->asset->model;
         if (!allowed(*instance, mask)) continue;
-        (model.shadesPixels() ? shades : emits) = true;
+        (isShaded(*instance->asset) ? shades : emits) = true;
         if (Failure f = model.compileAhead(mostLights)) return f;
     }
     const Program* program = nullptr;
