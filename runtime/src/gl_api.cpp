@@ -81,7 +81,7 @@ std::string loadGl(NacreGetProcAddress getProcAddress, void* user, BackEnd wante
         if (!found) gl->backEnd = BackEnd::kGl33;
     }
     gl->software = isSoftware(*gl);
-    gl->computesPictures = gl->hasCompute() && (wanted == BackEnd::kGl43 || !gl->software);
+    gl->computePictures = wanted == BackEnd::kGl43 || !gl->software;
 
     if (gl->es) {
         if (gl->version < 32 && !hasExtension(*gl, "GL_EXT_color_buffer_float"))

@@ -86,9 +86,11 @@ struct Gl {
     GLint maxDrawBuffers = 0;         // at least 8, in ES 4
 
     bool software = false;            // draws on the CPU, as llvmpipe does
-    bool computesPictures = false;    // sorts and draws in compute shaders: where it has them and is no software, or they were asked for by name
+    bool computePictures = false;     // where GL has compute shaders and is no software, or they were asked for by name
 
     bool hasCompute() const { return NACRE_WITH_GL43 && backEnd == BackEnd::kGl43; }
+    /// Sorts and draws in compute shaders.
+    bool computesPictures() const { return hasCompute() && computePictures; }
     /// Layers that one pass draws into.
     int maxLayers() const { return maxDrawBuffers < 8 ? maxDrawBuffers : 8; }
 };

@@ -132,7 +132,7 @@ Failure View::sort(const ViewFrame& frame)
     }
     const OrderCamera camera{frame.clipFromView, frame.viewport, frame.nearW, frame.orthographic, glm::vec3(frame.towardsEye), eyeRounding(frame)};
 #if NACRE_WITH_GL43
-    if (context_.gl.computesPictures) return sortOnGpu(instances, camera);
+    if (context_.gl.computesPictures()) return sortOnGpu(instances, camera);
 #endif
     const bool changed = order_.update(instances, camera);
     if (changed || orderedIn_ != list_.revision()) list_.upload(order_.farToNear());
@@ -182,7 +182,7 @@ Failure View::raster(const ViewFrame& frame, bool depthTest, GlStateGuard& state
 {
 #if NACRE_WITH_GL43
     bool drawn = false;
-    if (context_.gl.computesPictures)
+    if (context_.gl.computesPictures())
         if (Failure f = tiles_.draw(frame, list_, stats_.splatsDrawn, depthTest, state, &drawn); f || drawn) return f;
 #endif
     return rasterQuads(frame, depthTest, state);
@@ -331,7 +331,7 @@ Failure View::prepare(const NacreDrawDesc* desc, std::span<const std::shared_ptr
     if (emits && !shades)
         if (Failure f = splatProgram(&program)) return f;
 #if NACRE_WITH_GL43
-    if (context_.gl.computesPictures) {
+    if (context_.gl.computesPictures()) {
         if (Failure f = gpuOrder_.compile()) return f;
         if (Failure f = emits && !shades ? tiles_.compile() : Failure{}) return f;
     }
