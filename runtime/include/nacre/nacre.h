@@ -7,7 +7,8 @@
 // Everything is named by ids that are checked: a stale, null or foreign id gives NACRE_ERROR_INVALID_ARGUMENT, never a crash. Call what
 // takes a context or something of it on the thread where the GL context given to nacreContextCreate is current (nacreAssetDecode: on any
 // thread); one that shares objects with it is another one. Where GL can tell, a call in another context fails with NACRE_ERROR_GL, and
-// destroying there frees no GL objects, with a warning. OpenGL 3.3 core or newer.
+// destroying there frees no GL objects, with a warning. OpenGL 3.3 core, OpenGL ES 3.0 with EXT_color_buffer_float,
+// WebGL 2 with the same, or newer.
 //
 // Structs are zero-initialised by the host: zero always is the default. `structSize` is sizeof as the host compiled it; a smaller one than
 // the library's is an older host's, whose missing fields are zero.
@@ -74,7 +75,7 @@ typedef enum NacreBackEnd {
 } NacreBackEnd;
 
 enum NacreContextFlags {
-    NACRE_HOST_RESTORES_STATE = 1  // the host sets its GL state again after each call: nothing is read or put back (runtime/CONTRACT.md)
+    NACRE_HOST_RESTORES_STATE = 1  // the host sets its GL state again after each call: none is put back, hardly any read (runtime/CONTRACT.md)
 };
 
 typedef struct NacreContextDesc {
