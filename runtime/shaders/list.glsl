@@ -1,7 +1,11 @@
 // A splat of the draw list as a quad: four vertices per splat make the parallelogram L*u, |u_x|, |u_y| <= r, where r is where alpha falls to
 // 1/255, so the fragment's exponent is just |u|^2 / 2. The record: project.frag.glsl.
 uniform sampler2D uProjected0, uProjected1;
+#ifdef UNORDERED
+uniform int uFirstIndex;      // in the list, of the first splat
+#else
 uniform usampler2D uOrder;    // index in the list of the n-th splat, far to near
+#endif
 uniform vec2 uViewport;       // pixels
 
 out vec2 vLocal;              // u
@@ -11,7 +15,11 @@ bool placeSplat(out ivec2 texel, out float opacity, out float distance)
 {
     gl_Position = vec4(0.0, 0.0, 2.0, 1.0); // outside until the splat has proved visible
     vLocal = vec2(0.0);
+#ifdef UNORDERED
+    texel = listTexel(uFirstIndex + (gl_VertexID >> 2));
+#else
     texel = listTexel(int(texelFetch(uOrder, listTexel(gl_VertexID >> 2), 0).r));
+#endif
     vec4 p = texelFetch(uProjected0, texel, 0);
     opacity = p.w, distance = 0.0;
     if (!(opacity > 0.0)) return false;

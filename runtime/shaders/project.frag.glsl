@@ -14,6 +14,7 @@ uniform float uNear;          // clip w
 uniform vec4 uNearPlane;      // positive beyond it; GL clips there as well, but not under depth clamp
 uniform float uLowPass;       // pixels^2
 uniform int uLit;             // 0: of an instance that was never lit, nothing is drawn
+uniform int uCompensate;      // 0: opacity as it is, for splats that are drawn whole or not at all
 
 layout(location = 0) out vec4 outProjected0;
 layout(location = 1) out vec4 outProjected1;
@@ -48,7 +49,7 @@ void main()
     float xx = dot(mx, mx), xy = dot(mx, my), yy = dot(my, my);
     float detRaw = dot(c, c);
     float det = detRaw + uLowPass * (xx + yy + uLowPass);
-    float opacity = meanOpacity.w * sqrt(detRaw / det);
+    float opacity = meanOpacity.w * (uCompensate != 0 ? sqrt(detRaw / det) : 1.0);
     if (!(opacity >= MIN_ALPHA)) return; // also drops NaN
 
     float lxx = sqrt(xx + uLowPass);

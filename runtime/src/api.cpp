@@ -506,6 +506,11 @@ NacreResult nacreViewDraw(NacreView view, const NacreDrawDesc* desc)
     return withDraw(view, "nacreViewDraw", desc, [](nacre::View& v, const NacreDrawDesc& d, const auto& instances) { return v.draw(d, instances); });
 }
 
+NacreResult nacreViewDrawDepth(NacreView view, const NacreDrawDesc* desc)
+{
+    return withDraw(view, "nacreViewDrawDepth", desc, [](nacre::View& v, const NacreDrawDesc& d, const auto& instances) { return v.drawDepth(d, instances); });
+}
+
 NacreResult nacreViewPrepare(NacreView view, const NacreDrawDesc* desc, size_t mostLights)
 {
     const auto v = find(view);

@@ -27,7 +27,7 @@ namespace nacre {
     X(COPYTEXSUBIMAGE2D, CopyTexSubImage2D) X(CREATEPROGRAM, CreateProgram) X(CREATESHADER, CreateShader)                        \
     X(DELETEBUFFERS, DeleteBuffers) X(DELETEFRAMEBUFFERS, DeleteFramebuffers) X(DELETEPROGRAM, DeleteProgram)                    \
     X(DELETEQUERIES, DeleteQueries) X(DELETESAMPLERS, DeleteSamplers) X(DELETESHADER, DeleteShader) X(DELETETEXTURES, DeleteTextures)                              \
-    X(DELETEVERTEXARRAYS, DeleteVertexArrays) X(DEPTHMASK, DepthMask) X(DISABLE, Disable) X(DRAWARRAYS, DrawArrays)              \
+    X(DELETEVERTEXARRAYS, DeleteVertexArrays) X(DEPTHFUNC, DepthFunc) X(DEPTHMASK, DepthMask) X(DISABLE, Disable) X(DRAWARRAYS, DrawArrays)              \
     X(DRAWBUFFERS, DrawBuffers) X(DRAWELEMENTS, DrawElements) X(ENABLE, Enable) X(ENDQUERY, EndQuery) X(FINISH, Finish)          \
     X(FRAMEBUFFERRENDERBUFFER, FramebufferRenderbuffer) X(FRAMEBUFFERTEXTURE2D, FramebufferTexture2D)                            \
     X(FRAMEBUFFERTEXTURELAYER, FramebufferTextureLayer) X(GENBUFFERS, GenBuffers) X(GENFRAMEBUFFERS, GenFramebuffers)            \

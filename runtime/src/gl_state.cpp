@@ -207,6 +207,14 @@ void GlStateGuard::beginDraw(bool depthTest)
     beginBlending(depthTest);
 }
 
+void GlStateGuard::beginDepth()
+{
+    beginDraw(true);
+    disturbed_ = true; // the colour mask
+    gl_.DepthMask(GL_TRUE);
+    gl_.ColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+}
+
 void GlStateGuard::beginOffscreen(bool depthTest)
 {
     readTarget();

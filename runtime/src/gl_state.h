@@ -45,6 +45,8 @@ public:
     void beginDraw(bool depthTest);
     /// Same blending, viewport and depth test in a framebuffer of ours, all draw buffers, without the host's scissor. Binds none.
     void beginOffscreen(bool depthTest);
+    /// In the host's framebuffer, as beginDraw: depth is tested and written, colours are not.
+    void beginDepth();
 
     GLuint hostFramebuffer() { return readTarget(), GLuint(target_.framebuffer); }
     const float* viewport() { return readTarget(), target_.viewport; } // x, y, width, height

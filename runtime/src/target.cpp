@@ -32,20 +32,20 @@ static bool holdsIntegers(const Gl& gl)
     return type == GL_INT || type == GL_UNSIGNED_INT;
 }
 
-Failure checkTarget(const Gl& gl)
+Failure checkTarget(const Gl& gl, bool colors)
 {
     const GLenum status = gl.CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER);
     GLint framebuffer = 0;
     gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer);
     if (status == GL_FRAMEBUFFER_COMPLETE) {
-        if (!holdsIntegers(gl)) return {};
+        if (!colors || !holdsIntegers(gl)) return {};
         return {NACRE_ERROR_GL, "the first draw buffer of framebuffer " + std::to_string(framebuffer) +
                                     " holds integers, into which nothing can be blended; bind a linear float target (RGBA16F)"};
     }
     char hex[16];
     std::snprintf(hex, sizeof hex, "0x%04X", status);
     return {NACRE_ERROR_GL, "the bound draw framebuffer " + std::to_string(framebuffer) + " is incomplete (status " + hex +
-                                "); complete it before nacreViewDraw"};
+                                "); complete it before you draw"};
 }
 
 } // namespace nacre

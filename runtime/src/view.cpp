@@ -3,6 +3,7 @@
 
 #include "shader_sources.h"
 #include "base/half.h"
+#include "base/text.h"
 #include "splats/blend.h"
 #include "stopwatch.h"
 #include "target.h"
@@ -74,17 +75,18 @@ Failure View::projectProgram(const Program** program)
     });
 }
 
-/// Writes the records of instances that stand otherwise than in the last draw, all of them if the camera does.
-Failure View::project(const ViewFrame& frame)
+/// Writes the records of instances that stand otherwise than in the last draw, all of them if the camera does. Casters keep their opacity
+/// however small they are in the picture: many that cover a texel together would each be too faint alone.
+Failure View::project(const ViewFrame& frame, bool casters)
 {
-    const bool all = !(projectedFor_ == frame) || projectedRevision_ != list_.revision();
-    projectedFor_ = frame, projectedRevision_ = list_.revision();
+    const bool all = !(projectedFor_ == frame) || projectedCasters_ != casters || projectedRevision_ != list_.revision();
+    projectedFor_ = frame, projectedCasters_ = casters, projectedRevision_ = list_.revision();
     const Program* program = nullptr;
     if (Failure f = projectProgram(&program)) return f;
     bool begun = false;
     for (Entry* entry : drawn_) {
         const Instance& instance = *entry->instance;
-        const bool lit = entry->litList == list_.revision(); // else it has nothing to show yet
+        const bool lit = casters || entry->litList == list_.revision(); // else it has nothing to show yet
         stats_.instancesDrawn += lit;
         if (!all && entry->projectedLit == lit && entry->projected == entry->frame && entry->projectedLooks == instance.looksRevision && entry->projectedList == list_.revision() &&
             context_.passes.sure(entry->projectedIn))
@@ -97,6 +99,7 @@ Failure View::project(const ViewFrame& frame)
             program->set("uViewport", frame.viewport);
             program->set("uJacobianLimit", 1.0f + kJacobianMargin);
             program->set("uNear", frame.nearW);
+            program->set("uCompensate", int(!casters));
             program->set("uNearPlane", frame.nearPlane);
             list_.beginProjected();
         }
@@ -159,20 +162,25 @@ Failure View::sortOnGpu(std::span<const OrderInstance> instances, const OrderCam
 }
 #endif
 
-Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch)
+void View::begin(GlStateGuard& state)
 {
     stats_ = {};
     drawn_.clear();
     context_.passes.begin();
     context_.gl.BindVertexArray(context_.vertexArray);
     state.beginPasses();
+}
+
+Failure View::update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch)
+{
+    begin(state);
     if (Failure f = collect(frame, instances)) return f;
     if (collected_.empty()) return {};
     if (Failure f = sort(frame)) return f;
     stats_.sortSeconds = watch.lap();
     if (Failure f = relight(relightBudget)) return f;
     stats_.relightSeconds = watch.lap();
-    if (Failure f = project(frame)) return f;
+    if (Failure f = project(frame, false)) return f;
     stats_.rasterSeconds = watch.lap();
     return {};
 }
@@ -277,6 +285,13 @@ Failure View::rasterShaded(const ViewFrame& frame, bool depthTest, GlStateGuard&
     return gbuffer_.draw(input, state);
 }
 
+static Failure checkDepthAlpha(const NacreDrawDesc& desc)
+{
+    if (desc.depthAlpha >= 0 && desc.depthAlpha <= 1) return {};
+    return invalid("depthAlpha must be from 0 to 1, found " + numberText(desc.depthAlpha));
+}
+static float depthAlpha(const NacreDrawDesc& desc) { return desc.depthAlpha > 0 ? desc.depthAlpha : 0.5f; }
+
 static Failure checkViewport(const NacreDrawDesc& desc)
 {
     if (desc.viewportWidth >= 0 && desc.viewportHeight >= 0) return {};
@@ -294,6 +309,10 @@ Failure View::draw(const NacreDrawDesc& desc, std::span<const std::shared_ptr<In
     ViewFrame frame;
     if (Failure f = makeViewFrame(desc, clipControl(context_.gl), &frame)) return f;
     if (Failure f = checkTarget(context_.gl)) return f;
+    if (desc.depthWrite)
+        if (Failure f = checkDepthAlpha(desc)) return f;
+    if (desc.depthWrite)
+        if (Failure f = depth_.check()) return f;
 
     Stopwatch watch(context_);
     GlStateGuard state(context_.gl, context_.hostState);
@@ -304,7 +323,35 @@ Failure View::draw(const NacreDrawDesc& desc, std::span<const std::shared_ptr<In
     if (failure) return failure;
     if (stats_.splatsDrawn > 0)
         if (Failure f = shades ? rasterShaded(frame, desc.depthTest != 0, state) : raster(frame, desc.depthTest != 0, state)) return f;
+    if (desc.depthWrite && stats_.splatsDrawn > 0)
+        if (Failure f = depth_.write(frame, list_, stats_.splatsDrawn, desc.depthTest != 0, depthAlpha(desc), state)) return f;
     stats_.rasterSeconds += watch.lap();
+    return {};
+}
+
+Failure View::drawDepth(const NacreDrawDesc& desc, std::span<const std::shared_ptr<Instance>> instances)
+{
+    if (Failure f = checkViewport(desc)) return f;
+    if (isEmpty(desc)) return stats_ = {}, Failure{};
+    if (Failure f = checkDepthAlpha(desc)) return f;
+    if (Failure f = checkGlContext(context_)) return f;
+    ViewFrame frame;
+    if (Failure f = makeViewFrame(desc, clipControl(context_.gl), &frame)) return f;
+    if (Failure f = checkTarget(context_.gl, false)) return f;
+
+    Stopwatch watch(context_);
+    GlStateGuard state(context_.gl, context_.hostState);
+    begin(state);
+    Failure failure = collect(frame, instances);
+    drawn_ = collected_;
+    if (!failure) failure = project(frame, true);
+    context_.passes.end();
+    if (failure) return failure;
+    std::vector<ListSpan> spans;
+    for (const Entry* entry : drawn_) spans.push_back({list_.firstIndex(entry->rows), entry->instance->asset->grid.count});
+    if (Failure f = depth_.drawCasters(frame, list_, spans, depthAlpha(desc), state)) return f;
+    for (const ListSpan& span : spans) stats_.splatsDrawn += span.count;
+    stats_.rasterSeconds = watch.lap();
     return {};
 }
 

@@ -1,6 +1,7 @@
 // A view: what a camera makes of the instances it sees, and the steps of a draw.
 #pragma once
 
+#include "depth_raster.h"
 #include "draw_list.h"
 #include "gbuffer.h"
 #include "gpu_order.h"
@@ -16,9 +17,11 @@ class Stopwatch;
 
 class View {
 public:
-    explicit View(Context& context) : context_(context), list_(context), gbuffer_(context), gpuOrder_(context), tiles_(context) {}
+    explicit View(Context& context) : context_(context), list_(context), gbuffer_(context), gpuOrder_(context), tiles_(context), depth_(context) {}
 
     Failure draw(const NacreDrawDesc& desc, std::span<const std::shared_ptr<Instance>> instances);
+    /// Depth alone.
+    Failure drawDepth(const NacreDrawDesc& desc, std::span<const std::shared_ptr<Instance>> instances);
     /// Ahead of draws: their programs and, with `desc`, passes and order.
     Failure prepare(const NacreDrawDesc* desc, std::span<const std::shared_ptr<Instance>> instances, int mostLights);
     const NacreDrawStats& stats() const { return stats_; }
@@ -43,7 +46,8 @@ private:
     Failure update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch);
     Failure collect(const ViewFrame& frame, std::span<const std::shared_ptr<Instance>> instances);
     Failure relight(uint64_t budget);
-    Failure project(const ViewFrame& frame);
+    void begin(GlStateGuard& state);
+    Failure project(const ViewFrame& frame, bool casters);
     Failure sort(const ViewFrame& frame);
     Failure sortOnGpu(std::span<const OrderInstance> instances, const OrderCamera& camera);
     Failure projectProgram(const Program** program);
@@ -60,9 +64,11 @@ private:
     Order order_;
     GpuOrder gpuOrder_;
     TileRaster tiles_;
+    DepthRaster depth_;
     std::unordered_map<uint32_t, Entry> entries_; // by serial of the instance
     std::vector<Entry*> collected_, drawn_;       // of this draw, in its order: all, and those with splats in the frame
     ViewFrame projectedFor_;
+    bool projectedCasters_ = false;               // for depth alone
     uint64_t projectedRevision_ = 0, orderedIn_ = 0; // of the list
     ViewLights lights_;
     ProgramOnce projectProgram_, splatProgram_;

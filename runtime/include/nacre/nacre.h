@@ -274,8 +274,9 @@ typedef struct NacreDrawDesc {
     int viewportWidth;          // pixels of the viewport the host has set (origin as the host set it); 0: nothing is drawn, nothing else is
     int viewportHeight;         // looked at (a minimised window)
     int depthTest;              // 1: test splat centres against the bound depth buffer with the host's depth function; 0: no test
-    int depthWrite;             // 1: afterwards write depth where splats cover the pixel by `depthAlpha`: of the splat that gets it there
-    float depthAlpha;           // 0: 0.5
+    int depthWrite;             // 1: afterwards write depth where splats cover the pixel by `depthAlpha`: the mean of the splats, each by
+                                // what it adds to the picture. Tested as the splats are. OpenGL ES without EXT_float_blend: unsupported
+    float depthAlpha;           // 0 to 1; 0: 0.5
     uint64_t maxRelightSplats;  // most splats that are relit by this draw, the longest outdated first; 0: all
     const NacreInstance* instances; // null: all of the context that are not hidden and whose mask fits
     size_t instanceCount;
@@ -289,7 +290,8 @@ typedef struct NacreDrawDesc {
 NACRE_API NacreResult nacreViewDraw(NacreView view, const NacreDrawDesc* desc);
 
 /// Draws depth only, into the bound framebuffer: the splats as casters of shadows. `desc` is the light's camera; depthTest and depthWrite
-/// are taken as 1. A splat covers its pixels where its alpha reaches `depthAlpha`.
+/// are taken as 1. A splat covers the pixels where its alpha reaches `depthAlpha`, at the depth of its centre; however small it is in the
+/// picture, it keeps its opacity. Needs no colours bound. Give shadows a view of their own: a view that takes turns projects anew.
 NACRE_API NacreResult nacreViewDrawDepth(NacreView view, const NacreDrawDesc* desc);
 
 /// Does ahead what draws would do at first need: compiles the programs that draws of these instances with up to `mostLights` lights can
