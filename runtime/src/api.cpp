@@ -4,6 +4,7 @@
 #include "base/text.h"
 #include "instance.h"
 #include "light_check.h"
+#include "splat_shadows.h"
 #include "view.h"
 
 #include <array>
@@ -471,6 +472,18 @@ NacreResult nacreContextSetEnvironment(NacreContext context, const NacreEnvironm
         NacreEnvironment copy;
         if (Failure f = nacre::readEnvironment(*environment, &copy)) return f;
         c->lights.setEnvironment(&copy);
+        return {};
+    });
+}
+
+NacreResult nacreContextSetShadowBudget(NacreContext context, uint32_t mostMaps, uint32_t size)
+{
+    const auto c = find(context);
+    if (!c) return NACRE_ERROR_INVALID_ARGUMENT;
+    return guarded(*c, [&]() -> Failure {
+        const uint32_t most = uint32_t(std::min(c->gl.maxTextureSize, 4096));
+        if (size < 16 || size > most) return invalid("nacreContextSetShadowBudget: size must be from 16 to " + std::to_string(most) + ", found " + std::to_string(size));
+        c->splatShadows->setBudget(mostMaps, int(size));
         return {};
     });
 }

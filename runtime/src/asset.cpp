@@ -69,6 +69,7 @@ Failure decode(Context& context, std::span<const std::byte> bytes, std::shared_p
         asset->boundsMax = glm::max(asset->boundsMax, p);
     }
     for (const glm::vec3& v : source.cloud.scales) asset->maxScales.push_back(std::max({v.x, v.y, v.z}));
+    asset->largestScale = *std::max_element(asset->maxScales.begin(), asset->maxScales.end());
     if (Failure f = chooseLayout(*asset)) return f;
     if (Failure f = asset->model->checkLayout(source)) return f;
     *out = std::move(asset);

@@ -35,6 +35,7 @@ struct Asset {
     // For culling and sorting on the CPU.
     std::vector<glm::vec3> positions;
     std::vector<float> maxScales;
+    float largestScale = 0;
 
     // Until everything is uploaded.
     std::unique_ptr<SplatAsset> source;

@@ -6,6 +6,7 @@
 #include "host_depth.h"
 #include "instance.h"
 #include "program.h"
+#include "splat_shadows.h"
 #include "textures.h"
 #include "view.h"
 
@@ -43,7 +44,7 @@ Failure checkGlContext(const Context& context)
                             "between contexts that share: make that one current, or create a NacreContext and assets for each"};
 }
 
-Context::Context() = default;
+Context::Context() : splatShadows(std::make_unique<SplatShadows>(*this)) {}
 
 Context::~Context() = default;
 
@@ -52,6 +53,7 @@ void Context::destroyObjects()
     for (const auto& view : views.all()) views.remove(view->handle);
     for (const auto& instance : instances.all()) instances.remove(instance->handle);
     for (const auto& asset : assets.all()) assets.remove(asset->handle);
+    splatShadows.reset();
     programs.clear();
     passes.destroyQueries();
     freeDepthCopy(*this);

@@ -18,6 +18,7 @@ struct Asset;
 struct Instance;
 class View;
 class Program;
+class SplatShadows;
 
 /// See host_depth.cpp.
 struct DepthSource {
@@ -46,6 +47,7 @@ struct Context {
     PassLog passes{gl};
     LightSet lights;
     std::unordered_map<std::string, std::unique_ptr<Program>> programs; // by source
+    std::unique_ptr<SplatShadows> splatShadows;
     uint64_t gpuBytes = 0;      // of all textures
 
     GLuint vertexArray = 0;     // holds the index buffer and the mark of the GL context; no attributes

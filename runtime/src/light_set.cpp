@@ -57,6 +57,7 @@ LightPoint commonPoint(const NacreLight& light, uint32_t index, const std::share
 {
     LightPoint p;
     p.position = vec(light.position);
+    if (light.type != NACRE_LIGHT_DIRECTIONAL) p.centre = p.position;
     p.intensity = vec(light.intensity);
     p.range = light.range;
     p.mask = light.mask ? light.mask : ~0u;
@@ -132,7 +133,6 @@ void addArea(const NacreLight& light, LightPoint p, std::vector<LightPoint>& poi
     const auto add = sphere ? addSphere : addRectangle;
     if (light.samples) return add(light, p, int(light.samples), points);
     const float radius = sphere ? light.radius : std::hypot(glm::length(vec(light.halfWidth)), light.halfHeight);
-    p.centre = p.position;
     for (const Level& level : kLevels) {
         p.farthest = level.farthest * radius;
         add(light, p, level.points, points);

@@ -58,6 +58,8 @@ class InstanceModel {
 public:
     virtual ~InstanceModel() = default;
     virtual Failure setEdits(std::span<const SplatEdit> edits) = 0;
+    /// Brings geometry() up to date, where edits change it.
+    virtual Failure updateGeometry() { return {}; }
     /// Slots as of the asset, or edited.
     virtual const Texture& geometry() const = 0;
     /// Runs the light-only passes whose inputs have changed. `done` as above.

@@ -2,6 +2,7 @@
 
 #include "instance.h"
 #include "shader_sources.h"
+#include "splat_shadows.h"
 
 #include <algorithm>
 
@@ -69,7 +70,7 @@ Failure ShadowPass::grow(Instance& instance)
         constexpr float kWhite[4] = {1, 1, 1, 1};
         context.passes.pass();
         context.gl.ClearBufferfv(GL_COLOR, 0, kWhite);
-        for (size_t slot = first; slot < end; ++slot) slots_[slot] = {nullptr, context.passes.now()}, instance.touch(slot);
+        for (size_t slot = first; slot < end; ++slot) slots_[slot] = {nullptr, 0, context.passes.now()}, instance.touch(slot);
     }
     return {};
 }
@@ -121,13 +122,41 @@ Failure ShadowPass::drawMap(Instance& instance, const ShadowMap& map, size_t slo
     return {};
 }
 
+Failure ShadowPass::drawSplats(Instance& instance, const SplatShadow& map, size_t slot)
+{
+    Context& context = instance.context;
+    const Placement& place = instance.placement;
+    const ViewFrame& light = map.lamp.frame;
+    const Program* program = nullptr;
+    if (Failure f = findProgram(context, {"shadow", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kSplatShadowLookupFragGlsl, {"uGeometry", "uMap"}}, &program))
+        return f;
+    program->use();
+    instance.asset->grid.set(*program);
+    instance.model->geometry().bind(0);
+    map.transmittance.bind(1);
+    program->set("uClipFromAsset", glm::mat4(glm::dmat4(light.clipFromView) * light.viewFromWorld * place.worldFromAsset));
+    program->set("uWorldFromAsset", glm::mat3(place.worldFromAsset));
+    program->set("uFromLight", glm::vec3(glm::dvec3(place.worldFromAsset[3]) - light.eye));
+    program->set("uTowardsLight", glm::vec4(light.towardsEye, light.orthographic ? 1 : 0));
+    program->set("uFirstPlane", map.lamp.firstPlane);
+    program->set("uPlaneStep", map.lamp.planeStep);
+    runLane(context, instance.asset->grid, slot);
+    return {};
+}
+
 Failure ShadowPass::write(Instance& instance, size_t slot, const Slot& from)
 {
     Context& context = instance.context;
+    const uint32_t light = context.lights.points()[instance.lights.point[slot]].source;
     framebuffers_[slot / kBatchLights].bind();
-    if (from.map) {
-        if (Failure f = drawMap(instance, *from.map, slot, context.lights.points()[instance.lights.point[slot]].source)) return f;
-    } else {
+    if (from.map)
+        if (Failure f = drawMap(instance, *from.map, slot, light)) return f;
+    if (from.splats > 0) {
+        if (from.map) beginMultiplying(context.gl, GL_SRC_COLOR, GL_SRC_ALPHA);
+        if (Failure f = drawSplats(instance, *context.splatShadows->find(instance, light), slot)) return f;
+        context.gl.Disable(GL_BLEND);
+    }
+    if (!from.shades()) {
         const Program* program = nullptr;
         if (Failure f = findProgram(context, {"white", shaders::kFullscreenVertGlsl, shaders::kWhiteFragGlsl, {}}, &program)) return f;
         program->use();
@@ -142,17 +171,23 @@ Failure ShadowPass::run(Instance& instance, NacreDrawStats& stats)
 {
     const Context& context = instance.context;
     std::vector<Slot> wanted;
-    for (const uint32_t p : instance.lights.point) wanted.push_back({context.lights.points()[p].shadowMap, 0});
-    if (std::none_of(wanted.begin(), wanted.end(), [](const Slot& s) { return bool(s.map); })) {
+    bool mayShade = false, shades = false;
+    for (const uint32_t p : instance.lights.point) {
+        const LightPoint& point = context.lights.points()[p];
+        const SplatShadow* splats = point.flags & NACRE_LIGHT_SPLAT_SHADOWS ? context.splatShadows->find(instance, point.source) : nullptr;
+        wanted.push_back({point.shadowMap, splats ? splats->revision : 0, 0});
+        mayShade = mayShade || point.shadowed, shades = shades || wanted.back().shades();
+    }
+    if (!shades && !(mayShade && !instance.occlusion.empty())) { // it comes with the first shadow and goes with the last light that casts any
         stats.shadowsSkipped += uint32_t(wanted.size());
-        *this = {}, instance.occlusion.clear();
+        if (!slots_.empty()) *this = {}, instance.occlusion.clear();
         return {};
     }
     slots_.resize(wanted.size());
     if (Failure f = grow(instance)) return f;
     const bool moved = instance.placement.worldFromAsset != worldFromAsset_;
     for (size_t s = 0; s < wanted.size(); ++s) {
-        if (slots_[s].isMadeFrom(wanted[s]) && !(moved && wanted[s].map) && context.passes.sure(slots_[s].draw)) {
+        if (slots_[s].isMadeFrom(wanted[s]) && !(moved && wanted[s].shades()) && context.passes.sure(slots_[s].draw)) {
             ++stats.shadowsSkipped;
             continue;
         }

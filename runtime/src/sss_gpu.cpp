@@ -106,6 +106,7 @@ class SssInstance final : public InstanceModel {
 public:
     SssInstance(Instance& instance, const SssAsset& model) : instance_(instance), model_(model) { mostScatter_ = mostScatter(model.baked); }
     Failure setEdits(std::span<const SplatEdit> edits) override;
+    Failure updateGeometry() override;
     const Texture& geometry() const override { return edited_ ? edited_ : instance_.asset->geometry; }
     Failure relight(RelightBudget& budget, bool* done) override;
     float brightest() const override;
@@ -310,6 +311,11 @@ void SssInstance::uploadMaterials(const std::vector<SssMaterial>& materials) con
 Failure SssInstance::relight(RelightBudget&, bool* done)
 {
     *done = true;
+    return updateGeometry();
+}
+
+Failure SssInstance::updateGeometry()
+{
     if (!outdated_) return {};
     outdated_ = false;
     Context& context = instance_.context;

@@ -159,6 +159,18 @@ void beginAdding(const Gl& gl)
     gl.BlendFuncSeparate(GL_ONE, GL_ONE, GL_ONE, GL_ONE);
 }
 
+void beginMultiplying(const Gl& gl, GLenum colorFactor, GLenum alphaFactor)
+{
+    gl.Enable(GL_BLEND);
+    if (gl.BlendFuncSeparatei) { // the state guard reads the other draw buffers only where all are blended into
+        gl.BlendEquationSeparatei(0, GL_FUNC_ADD, GL_FUNC_ADD);
+        gl.BlendFuncSeparatei(0, GL_ZERO, colorFactor, GL_ZERO, alphaFactor);
+    } else {
+        gl.BlendEquationSeparate(GL_FUNC_ADD, GL_FUNC_ADD);
+        gl.BlendFuncSeparate(GL_ZERO, colorFactor, GL_ZERO, alphaFactor);
+    }
+}
+
 Failure fitLongRow(const Gl& gl, SplatGrid& grid, const char* channel, size_t splats, int64_t texelsPerSplat)
 {
     constexpr int kSmallestShift = 8; // drivers round smaller layers up

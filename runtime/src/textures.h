@@ -95,6 +95,8 @@ void copyRows(Context& context, const Texture& from, const Texture& to, int rows
 
 /// The next passes add to their targets; until GL_BLEND is disabled.
 void beginAdding(const Gl& gl);
+/// The next passes multiply the first draw buffer by these factors of what they write; until GL_BLEND is disabled.
+void beginMultiplying(const Gl& gl, GLenum colorFactor, GLenum alphaFactor);
 
 /// A channel of one long row, `texelsPerSplat` for each of `splats`: its indices must fit an int, its layers the GPU. Makes the layers of
 /// the grid as large as that takes and no larger: the last one is allocated whole.

@@ -1,7 +1,9 @@
 // One draw: relight, project, sort, raster, inside the host's frame.
 #include "view.h"
 
+#include "projection.h"
 #include "shader_sources.h"
+#include "splat_shadows.h"
 #include "base/half.h"
 #include "base/text.h"
 #include "splats/blend.h"
@@ -47,15 +49,26 @@ Failure View::collect(const ViewFrame& frame, std::span<const std::shared_ptr<In
     return {};
 }
 
+/// Lights of what is drawn, and what splats hold up of them.
+Failure View::updateShadows()
+{
+    std::vector<Instance*> receivers;
+    for (const Entry* entry : drawn_) {
+        if (Failure f = entry->instance->updateLights()) return f;
+        receivers.push_back(entry->instance);
+    }
+    return context_.splatShadows->update(receivers, stats_);
+}
+
 /// Brings instances up to date as far as the budget goes, the longest outdated first.
 Failure View::relight(uint64_t budget)
 {
     RelightBudget relit{budget ? budget : ~uint64_t(0), &stats_};
     std::vector<Entry*> turn = drawn_;
     std::stable_sort(turn.begin(), turn.end(), [](const Entry* a, const Entry* b) { return a->doneIn < b->doneIn; });
+    if (Failure f = updateShadows()) return f;
     for (Entry* entry : turn) {
         Instance& instance = *entry->instance;
-        if (Failure f = instance.updateLights()) return f;
         if (Failure f = instance.shadows.run(instance, stats_)) return f;
         stats_.lightsUsed += uint32_t(instance.lightCount());
         stats_.lightsSkipped += uint32_t(instance.lights.skipped);
@@ -70,9 +83,7 @@ Failure View::relight(uint64_t budget)
 
 Failure View::projectProgram(const Program** program)
 {
-    return projectProgram_.find(program, [&](const Program** made) {
-        return findProgram(context_, {"projection", shaders::kFullscreenVertGlsl, std::string(shaders::kPassGlsl) + shaders::kProjectFragGlsl, {"uGeometry"}}, made);
-    });
+    return projectProgram_.find(program, [&](const Program** made) { return projectionProgram(context_, made); });
 }
 
 /// Writes the records of instances that stand otherwise than in the last draw, all of them if the camera does. Casters keep their opacity
@@ -93,26 +104,10 @@ Failure View::project(const ViewFrame& frame, bool casters)
             continue;
         if (!begun) {
             begun = true;
-            program->use();
-            program->set("uTowardsEye", glm::vec4(frame.towardsEye, frame.orthographic ? 1 : 0));
-            program->set("uClipFromView", frame.clipFromView);
-            program->set("uViewport", frame.viewport);
-            program->set("uJacobianLimit", 1.0f + kJacobianMargin);
-            program->set("uNear", frame.nearW);
-            program->set("uCompensate", int(!casters));
-            program->set("uNearPlane", frame.nearPlane);
+            beginProjection(*program, frame, casters);
             list_.beginProjected();
         }
-        instance.asset->grid.set(*program);
-        list_.set(*program, entry->rows);
-        program->set("uViewFromAsset", entry->frame.viewFromAsset);
-        program->set("uViewTranslation", entry->frame.viewTranslation);
-        program->set("uWorldFromAsset", entry->frame.worldFromAsset);
-        program->set("uFromEye", entry->frame.fromEye);
-        program->set("uLowPass", instance.asset->lowPassVariance);
-        program->set("uLit", int(lit));
-        instance.model->geometry().bind(0);
-        runPass(context_, list_.width(), entry->rows.first, entry->rows.count);
+        projectInstance(*program, instance, entry->frame, lit, list_, entry->rows);
         entry->projected = entry->frame, entry->projectedLooks = instance.looksRevision, entry->projectedLit = lit;
         entry->projectedList = list_.revision(), entry->projectedIn = context_.passes.now();
         stats_.projected = 1;

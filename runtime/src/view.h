@@ -45,6 +45,7 @@ private:
 
     Failure update(const ViewFrame& frame, uint64_t relightBudget, std::span<const std::shared_ptr<Instance>> instances, GlStateGuard& state, Stopwatch& watch);
     Failure collect(const ViewFrame& frame, std::span<const std::shared_ptr<Instance>> instances);
+    Failure updateShadows();
     Failure relight(uint64_t budget);
     void begin(GlStateGuard& state);
     Failure project(const ViewFrame& frame, bool casters);

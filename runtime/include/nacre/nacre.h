@@ -253,8 +253,11 @@ typedef struct NacreEnvironment {
 /// Replaces the environment. Null: none.
 NACRE_API NacreResult nacreContextSetEnvironment(NacreContext context, const NacreEnvironment* environment);
 
-/// Shadows of splats on other instances, under lights that ask for them: per draw at most `mostMaps` maps of `size` x `size` texels are
-/// drawn again, the longest outdated first. Defaults 16 and 128; 0 maps: what is there stays.
+/// Shadows of splats on other instances, under lights that ask for them: a map for each such light and instance that it reaches past
+/// others. Per draw at most `mostMaps` maps of `size` x `size` texels (16 to 4096) are drawn again, the longest outdated first; until its
+/// first turn a light is not held up. Defaults 16 and 128; 0 maps: what is there stays. All instances cast that are not hidden and that
+/// the light's mask includes, drawn or not. An area light casts from its centre; a light within the bounds of an instance has no shadows
+/// on it, with a warning.
 NACRE_API NacreResult nacreContextSetShadowBudget(NacreContext context, uint32_t mostMaps, uint32_t size);
 
 // ---- views -------------------------------------------------------------------------------------------------------------------------
@@ -318,6 +321,7 @@ typedef struct NacreDrawStats {
     uint32_t shadowPassesRun;     // lights times instances whose shadows were looked up again
     uint32_t shadowsSkipped;      // lights times instances that have none to look up, or none that has changed
     uint32_t shadowMapsDrawn;     // of splats
+    uint32_t shadowMapsPending;   // that the budget has left for later draws
     double relightSeconds;        // CPU wall time of submission unless nacreContextSetProfiling(1), which inserts glFinish
     double sortSeconds;
     double rasterSeconds;
