@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that building and testing Nacre needs and that are not there yet; says which.
+# Installs the Debian packages that building and testing Nacre needs, and those named as arguments, if they are not there yet; says which.
 set -euo pipefail
 
 packages=(
@@ -12,7 +12,7 @@ packages=(
     doctest-dev xvfb xauth                                                          # tests
 )
 missing=()
-for package in "${packages[@]}"; do
+for package in "${packages[@]}" "$@"; do
     [ "$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null || true)" = installed ] || missing+=("$package")
 done
 [ ${#missing[@]} -gt 0 ] || exit 0
