@@ -1,6 +1,6 @@
 // Frames of scenes through the public API on a headless context, as ratios in one run: what relighting costs beside the raster, what one
 // more light costs, what many instances cost beside one asset of as many splats, and what quads cost that are only blended.
-//   bench_scene [frames] [OUT.json]      default 20
+//   bench_scene [frames] [OUT.json]      default 20; fewer where a row would take more than 12 s, but 3
 // Variants of a row take turns, frame by frame, after 250 ms of warm-up; times are medians, with glFinish around each frame.
 #include "appearance/bigs/bigs.h"
 #include "asset/asset_io.h"
@@ -176,11 +176,12 @@ std::vector<double> interleaved(int frames, const std::vector<std::function<doub
 {
     std::vector<std::vector<double>> times(variants.size());
     const auto start = std::chrono::steady_clock::now();
+    const auto longerThan = [&](double seconds) { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() > seconds; };
     int frame = 0;
-    const auto warm = [&] { return frame >= 3 && std::chrono::steady_clock::now() - start > std::chrono::milliseconds(250); };
-    for (; !warm(); ++frame)
+    for (; frame < 3 || !longerThan(0.25); ++frame)
         for (const auto& v : variants) v(frame);
-    for (const int end = frame + frames; frame < end; ++frame)
+    const int first = frame;
+    for (; frame < first + frames && (frame < first + 3 || !longerThan(12)); ++frame)
         for (size_t i = 0; i < variants.size(); ++i) times[i].push_back(variants[i](frame));
     std::vector<double> medians;
     for (auto& t : times) medians.push_back(median(t));

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Packs what a machine with a GPU and nothing of ours installed needs to run every GPU check: the built programs, their libraries and
-# small assets, in one folder under 60 MB. There: FOLDER/run.sh.
+# Packs what a machine with a GPU and nothing of ours installed needs to run every GPU check, the built programs and their libraries, into one
+# folder under 60 MB. There: FOLDER/run.sh.
 #   tests/gpu/bundle.sh [OUT_DIR] [BUILD_DIR]      default build/gpu_bundle and build, made with -DNACRE_BUILD_BENCH=ON
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 build=$(realpath "${2:-$root/build}")
 out=${1:-$build/gpu_bundle}
 
-programs=(tests/test_runtime tests/bench_scene tests/bench_gl baker/nacre)
+programs=(tests/test_runtime tests/test_gpu tests/bench_scene)
 for program in "${programs[@]}"; do
     [ -x "$build/$program" ] && continue
     echo "bundle.sh: there is no $build/$program; build with: cmake --preset release -DNACRE_BUILD_BENCH=ON && cmake --build build" >&2
@@ -15,11 +15,10 @@ for program in "${programs[@]}"; do
 done
 
 rm -rf "$out"
-mkdir -p "$out/bin" "$out/lib" "$out/assets"
+mkdir -p "$out/bin" "$out/lib"
 for program in "${programs[@]}"; do
     strip -o "$out/bin/$(basename "$program")" "$build/$program"
 done
-cp "$root"/samples/assets/*.glb "$out/assets/"
 cp "$root/tests/gpu/run.sh" "$out/"
 
 # Libraries of ours and the loader of GL's drivers, with all that they load. libc goes into a folder of its own: it is used where the other
@@ -31,6 +30,8 @@ for program in "$out"/bin/*; do ldd "$program"; done | awk '$3 ~ /^\// { print $
         *) cp -L "$library" "$out/lib/" ;;
     esac
 done
+tar -C "$out" -czf "$out/programs.tar.gz" bin lib libc
+rm -rf "$out/bin" "$out/lib" "$out/libc"
 size=$(du -sm "$out" | cut -f1)
 echo "$out: $size MB"
 [ "$size" -lt 60 ] || { echo "bundle.sh: more than 60 MB" >&2; exit 1; }
