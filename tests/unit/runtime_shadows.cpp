@@ -532,3 +532,76 @@ TEST_CASE("shadow maps: what is wrong with one is said")
         CHECK(glGetError() == GL_NO_ERROR);
     }
 }
+
+namespace {
+
+template <class Function>
+Function glFunction(const char* name) { return reinterpret_cast<Function>(HeadlessGl::getProcAddress(name, nullptr)); }
+
+/// A map whose surface at `depth` covers x < 0 of the world; uploaded, so that it needs nothing but what every context has.
+GLuint halfCovered(NacreShadowMapKind kind, float depth)
+{
+    constexpr int kTexels = 32;
+    static constexpr GLenum kTargets[] = {GL_TEXTURE_2D, GL_TEXTURE_2D_ARRAY, GL_TEXTURE_CUBE_MAP};
+    std::vector<float> texels(kTexels * kTexels, 1.0f);
+    for (size_t i = 0; i < texels.size(); ++i)
+        if (int(i) % kTexels < kTexels / 2) texels[i] = depth;
+    const GLenum target = kTargets[kind];
+    GLuint name = 0;
+    glFunction<PFNGLGENTEXTURESPROC>("glGenTextures")(1, &name);
+    glFunction<PFNGLBINDTEXTUREPROC>("glBindTexture")(target, name);
+    const auto image = glFunction<PFNGLTEXIMAGE2DPROC>("glTexImage2D");
+    if (target == GL_TEXTURE_2D) image(target, 0, GL_DEPTH_COMPONENT32F, kTexels, kTexels, 0, GL_DEPTH_COMPONENT, GL_FLOAT, texels.data());
+    else if (target == GL_TEXTURE_2D_ARRAY)
+        glFunction<PFNGLTEXIMAGE3DPROC>("glTexImage3D")(target, 0, GL_DEPTH_COMPONENT32F, kTexels, kTexels, 1, 0, GL_DEPTH_COMPONENT, GL_FLOAT, texels.data());
+    else // of -Z, which is to see it, x grows to the left
+        for (GLenum f = 0; f < 6; ++f) {
+            std::vector<float> face = texels;
+            if (f == 5) std::reverse(face.begin(), face.end());
+            image(GL_TEXTURE_CUBE_MAP_POSITIVE_X + f, 0, GL_DEPTH_COMPONENT32F, kTexels, kTexels, 0, GL_DEPTH_COMPONENT, GL_FLOAT, face.data());
+        }
+    glFunction<PFNGLBINDTEXTUREPROC>("glBindTexture")(target, 0);
+    return name;
+}
+
+} // namespace
+
+TEST_CASE("shadow maps: every kind of map, and depth of splats, in every context")
+{
+    for (const HeadlessKind kind : {HeadlessKind::kEgl, HeadlessKind::kEglEs, HeadlessKind::kOsMesa}) {
+        if (!haveGl(kind)) continue;
+        CAPTURE(int(kind));
+        for (const bool sss : {false, true}) {
+            Host host(HostOptions{.kind = kind});
+            host.load(receivers(sss));
+            const glm::dmat4 fromSun = glm::lookAt(glm::dvec3(0, 0, 3), glm::dvec3(0), glm::dvec3(0, 1, 0));
+            std::vector<Case> all = {{"2D", lightOf(NACRE_LIGHT_DIRECTIONAL, {}, {0, 0, 1}), mapOf(NACRE_SHADOW_MAP_2D), {glm::ortho(-1.5, 1.5, -1.5, 1.5, 0.5, 6.0) * fromSun}},
+                                     {"array", lightOf(NACRE_LIGHT_DIRECTIONAL, {}, {0, 0, 1}), mapOf(NACRE_SHADOW_MAP_ARRAY), {glm::ortho(-1.5, 1.5, -1.5, 1.5, 0.5, 6.0) * fromSun}},
+                                     {"cube", lightOf(NACRE_LIGHT_POINT, {0, 0, 3}, {0, 0, 1}), mapOf(NACRE_SHADOW_MAP_CUBE), {}}};
+            all[1].map.layers = 1, all[2].map.nearPlane = 0.5f, all[2].map.farPlane = 6;
+            for (Case& c : all) {
+                CAPTURE(c.name);
+                REQUIRE(setLight(host, c, 0, false) == NACRE_OK);
+                const Image lit = host.draw(above());
+                host.gl->makeCurrent();
+                const GLuint texture = halfCovered(c.map.kind, 0.3f);
+                REQUIRE_MESSAGE(setLight(host, c, texture, true) == NACRE_OK, host.lastMessage());
+                const std::vector<float> found = factors(lit, host.draw(above()));
+                for (int x = 0; x < kCells; ++x)
+                    for (int y = 0; y < kCells; ++y)
+                        if (std::abs(2 * x + 1 - kCells) > 6) // the border, and what its texels are filtered with
+                            CHECK(std::abs(found[size_t(y * kCells + x)] - (x < kCells / 2 ? 0.0f : 1.0f)) < 5e-3f);
+                host.setLights({});
+                glFunction<PFNGLDELETETEXTURESPROC>("glDeleteTextures")(1, &texture);
+            }
+            NacreDrawDesc desc = above();
+            const Image before = host.draw(desc);
+            REQUIRE_MESSAGE(nacreViewDrawDepth(host.view, &desc) == NACRE_OK, host.lastMessage());
+            desc.depthTest = desc.depthWrite = 1;
+            const Image written = host.draw(desc);
+            CHECK(written.rgba == before.rgba);
+            CHECK(glFunction<PFNGLGETERRORPROC>("glGetError")() == GL_NO_ERROR);
+            CHECK_MESSAGE(host.messages.empty(), host.lastMessage());
+        }
+    }
+}

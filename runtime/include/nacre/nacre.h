@@ -299,8 +299,9 @@ NACRE_API NacreResult nacreViewDrawDepth(NacreView view, const NacreDrawDesc* de
 
 /// Does ahead what draws would do at first need: compiles the programs that draws of these instances with up to `mostLights` lights can
 /// need (many lights on an asset of the model sss: seconds), and, unless `desc` is null, sorts and relights for this camera and the lights
-/// and edits set now. Draws nothing, needs no framebuffer. Relighting inside conditional rendering is dropped with the draw; it is noticed
-/// and made up a draw later, but called outside of it this does the work where it counts, and keeps it out of your occlusion queries.
+/// and edits set now. Programs of shadows come with the first that is cast. Draws nothing, needs no framebuffer. Relighting inside
+/// conditional rendering is dropped with the draw; it is noticed and made up a draw later, but called outside of it this does the work
+/// where it counts, and keeps it out of your occlusion queries.
 NACRE_API NacreResult nacreViewPrepare(NacreView view, const NacreDrawDesc* desc, size_t mostLights);
 
 /// CPU-side record of the last draw, for tests and profilers.
