@@ -152,6 +152,7 @@ private:
     Failure relightGroups(const glm::vec4& camera, RelightBudget& budget, bool* done);
     Failure sum(DrawList& list, const ListRows& rows);
     Failure gatherSurface(const InstanceFrame& frame, DrawList& list, const ListRows& rows);
+    Failure gatherLayers(DrawList& list, const ListRows& rows, std::span<const int> viewLights, size_t batch, int first, int count);
     Failure gatherIncident(DrawList& list, const ListRows& rows, std::span<const int> viewLights);
 
     Instance& instance_;
@@ -508,34 +509,49 @@ Failure SssView::gatherSurface(const InstanceFrame& frame, DrawList& list, const
     return {};
 }
 
-/// As many layers at once as the GPU draws into. Batches after the first add their lights to zeros of the first.
+/// Writes `count` layers, three lights each, from layer `first` on: what batch `b` has of them, and zeros.
+Failure SssView::gatherLayers(DrawList& list, const ListRows& rows, std::span<const int> viewLights, size_t b, int first, int count)
+{
+    const Program* program = nullptr;
+    if (Failure f = model_.incidentProgram(count, &program)) return f;
+    program->use();
+    instance_.asset->grid.set(*program);
+    list.set(*program, rows);
+    list.beginAttributes(3 + first, count);
+    int slots[24];
+    for (int i = 0; i < 3 * count; ++i) {
+        const size_t t = size_t(3 * first + i);
+        const int slot = t < viewLights.size() ? viewLights[t] : -1;
+        slots[i] = slot >= 0 && size_t(slot / kBatchLights) == b ? slot % kBatchLights : -1;
+    }
+    if (b < batches_.size()) batches_[b].lit.bind(0);
+    program->set("uLanes", b < batches_.size() ? batches_[b].lanes : 1);
+    program->set("uSlots", 3 * count, slots);
+    runPass(instance_.context, list.width(), rows.first, rows.count);
+    return {};
+}
+
+/// Whether any light of the layer is in the batch.
+static bool holdsAny(std::span<const int> viewLights, size_t batch, int layer)
+{
+    const auto lights = viewLights.subspan(size_t(3 * layer), std::min<size_t>(3, viewLights.size() - size_t(3 * layer)));
+    return std::any_of(lights.begin(), lights.end(), [&](int slot) { return slot >= 0 && size_t(slot / kBatchLights) == batch; });
+}
+
+/// As many layers at once as the GPU draws into; batches after the first add to them, a layer at a time.
 Failure SssView::gatherIncident(DrawList& list, const ListRows& rows, std::span<const int> viewLights)
 {
     const Gl& gl = instance_.context.gl;
     const int layers = (int(viewLights.size()) + 2) / 3, most = gl.maxLayers();
-    for (int first = 0; first < layers; first += most) {
-        const int count = std::min(most, layers - first);
-        const Program* program = nullptr;
-        if (Failure f = model_.incidentProgram(count, &program)) return f;
-        program->use();
-        instance_.asset->grid.set(*program);
-        list.set(*program, rows);
-        list.beginAttributes(3 + first, count);
-        for (size_t b = 0; b == 0 || b < batches_.size(); ++b) {
-            int slots[24];
-            for (int i = 0; i < 3 * count; ++i) {
-                const size_t t = size_t(3 * first + i);
-                const int slot = t < viewLights.size() ? viewLights[t] : -1;
-                slots[i] = slot >= 0 && size_t(slot / kBatchLights) == b ? slot % kBatchLights : -1;
-            }
-            if (b < batches_.size()) batches_[b].lit.bind(0);
-            program->set("uLanes", b < batches_.size() ? batches_[b].lanes : 1);
-            program->set("uSlots", 3 * count, slots);
-            if (b > 0) beginAdding(gl);
-            runPass(instance_.context, list.width(), rows.first, rows.count);
-            if (b > 0) gl.Disable(GL_BLEND);
+    for (int first = 0; first < layers; first += most)
+        if (Failure f = gatherLayers(list, rows, viewLights, 0, first, std::min(most, layers - first))) return f;
+    for (size_t b = 1; b < batches_.size(); ++b)
+        for (int layer = 0; layer < layers; ++layer) {
+            if (!holdsAny(viewLights, b, layer)) continue;
+            beginAdding(gl);
+            if (Failure f = gatherLayers(list, rows, viewLights, b, layer, 1)) return f;
+            gl.Disable(GL_BLEND);
         }
-    }
     return {};
 }
 

@@ -152,24 +152,22 @@ void copyRows(Context& context, const Texture& from, const Texture& to, int rows
     gl.CopyTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, 0, 0, from.width(), rows);
 }
 
-void beginAdding(const Gl& gl)
+/// Of draw buffer 0 alone: the state guard reads those of the others only where all are blended into.
+static void beginBlending(const Gl& gl, GLenum srcRgb, GLenum dstRgb, GLenum srcAlpha, GLenum dstAlpha)
 {
     gl.Enable(GL_BLEND);
-    gl.BlendEquationSeparate(GL_FUNC_ADD, GL_FUNC_ADD);
-    gl.BlendFuncSeparate(GL_ONE, GL_ONE, GL_ONE, GL_ONE);
-}
-
-void beginMultiplying(const Gl& gl, GLenum colorFactor, GLenum alphaFactor)
-{
-    gl.Enable(GL_BLEND);
-    if (gl.BlendFuncSeparatei) { // the state guard reads the other draw buffers only where all are blended into
+    if (gl.BlendFuncSeparatei) {
         gl.BlendEquationSeparatei(0, GL_FUNC_ADD, GL_FUNC_ADD);
-        gl.BlendFuncSeparatei(0, GL_ZERO, colorFactor, GL_ZERO, alphaFactor);
+        gl.BlendFuncSeparatei(0, srcRgb, dstRgb, srcAlpha, dstAlpha);
     } else {
         gl.BlendEquationSeparate(GL_FUNC_ADD, GL_FUNC_ADD);
-        gl.BlendFuncSeparate(GL_ZERO, colorFactor, GL_ZERO, alphaFactor);
+        gl.BlendFuncSeparate(srcRgb, dstRgb, srcAlpha, dstAlpha);
     }
 }
+
+void beginAdding(const Gl& gl) { beginBlending(gl, GL_ONE, GL_ONE, GL_ONE, GL_ONE); }
+
+void beginMultiplying(const Gl& gl, GLenum colorFactor, GLenum alphaFactor) { beginBlending(gl, GL_ZERO, colorFactor, GL_ZERO, alphaFactor); }
 
 Failure fitLongRow(const Gl& gl, SplatGrid& grid, const char* channel, size_t splats, int64_t texelsPerSplat)
 {

@@ -93,7 +93,7 @@ void runPass(Context& context, int width, int first, int rows);
 /// The first `rows` rows of one float texture into another.
 void copyRows(Context& context, const Texture& from, const Texture& to, int rows);
 
-/// The next passes add to their targets; until GL_BLEND is disabled.
+/// The next passes add to their target, a single one; until GL_BLEND is disabled.
 void beginAdding(const Gl& gl);
 /// The next passes multiply the first draw buffer by these factors of what they write; until GL_BLEND is disabled.
 void beginMultiplying(const Gl& gl, GLenum colorFactor, GLenum alphaFactor);

@@ -613,3 +613,28 @@ TEST_CASE("a view prepared for so many lights links no program in draws with any
         CHECK(links == before);
     }
 }
+
+TEST_CASE("more lights than a batch holds leave the host's blending of every draw buffer alone")
+{
+    if (!haveGl()) return;
+    const std::vector<Light> many(60, pointLight({0.5f, 1, 1}, glm::vec3(0.01f)));
+    for (const SplatAsset& asset : {withSharp(randomAsset(50, 4, 1), kAllSharp, 1), randomSss(50, kAllSss, 1)}) {
+        CAPTURE(asset.model);
+        Host host(asset);
+        GLint version = 0, got = 0;
+        glGetIntegerv(GL_MAJOR_VERSION, &version);
+        if (version < 4) return; // one function for all buffers: the state test covers it
+        host.draw(offCentre(), many); // a draw that runs every pass
+        for (GLuint i = 0; i < 4; ++i) glBlendFuncSeparatei(i, GL_DST_COLOR, GL_SRC_ALPHA, GL_ZERO, GL_DST_ALPHA);
+        std::vector<Light> moved = many;
+        moved.back().position.x += 0.5f;
+        host.draw(offCentre(), moved);
+        for (GLuint i = 0; i < 4; ++i) {
+            CAPTURE(i);
+            glGetIntegeri_v(GL_BLEND_SRC_RGB, i, &got);
+            CHECK(got == GL_DST_COLOR);
+            glGetIntegeri_v(GL_BLEND_DST_ALPHA, i, &got);
+            CHECK(got == GL_DST_ALPHA);
+        }
+    }
+}
