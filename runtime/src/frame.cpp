@@ -2,6 +2,7 @@
 #include "frame.h"
 
 #include "base/finite.h"
+#include "base/text.h"
 
 #include <glm/gtc/type_ptr.hpp>
 
@@ -101,6 +102,9 @@ Failure makePlacement(const float m[16], Placement* placement)
     glm::dmat4 world(glm::make_mat4(m));
     if (world == glm::dmat4(0)) world = glm::dmat4(1);
     double scale = 0;
+    constexpr double kSmallest = 1e-12, kLargest = 1e12; // distances squared and their falloff stay in float
+    const double size = std::cbrt(std::abs(glm::determinant(glm::dmat3(world))));
+    if (size != 0 && !(size > kSmallest && size < kLargest)) return invalid("the scale of worldFromAsset is " + numberText(float(size)) + ", it must be from 1e-12 to 1e12");
     if (!isSimilarity(world, &scale)) return invalid("worldFromAsset must be a rotation (or a mirrored one), a translation and one uniform scale");
     *placement = {world, glm::inverse(world), scale};
     return {};

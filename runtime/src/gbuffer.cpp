@@ -191,7 +191,8 @@ Failure Gbuffer::draw(const GbufferInput& in, GlStateGuard& state)
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, state.hostFramebuffer());
     const float maxColor = largestColor(gl);
     const bool fine = gl.floatBlend; // else half floats are all there is
-    const GLenum format = fine && maxColor > kMaxHalf && in.bright ? GL_RGBA32F : GL_RGBA16F, depthFormat = fine && isDeep(in) ? GL_RGBA32F : GL_RGBA16F;
+    const bool precise = in.bright || in.mixed; // colours of bigs are blended as precisely as they would be in the host's target
+    const GLenum format = fine && maxColor > kMaxHalf && precise ? GL_RGBA32F : GL_RGBA16F, depthFormat = fine && isDeep(in) ? GL_RGBA32F : GL_RGBA16F;
     if (sums) {
         if (Failure f = grow(summed_, fine ? GL_RGBA32F : GL_RGBA16F, 0, width, height, 1)) return f;
         attach(summed_, 0, 1, true);

@@ -25,6 +25,20 @@ static void bindPlainSampler(Context& context, GLuint unit)
     gl.BindSampler(unit, context.plainSampler);
 }
 
+/// Whether the texture holds depth: what it gives a framebuffer as such tells. Leaves the framebuffer as it was.
+static bool holdsDepth(Context& context, const ShadowMap& map)
+{
+    const Gl& gl = context.gl;
+    GLint ours = 0, bits = 0;
+    gl.GetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &ours);
+    const Framebuffer probe(context);
+    if (map.kind == NACRE_SHADOW_MAP_ARRAY) gl.FramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, map.texture, 0, 0);
+    else gl.FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, map.kind == NACRE_SHADOW_MAP_CUBE ? GL_TEXTURE_CUBE_MAP_POSITIVE_X : GL_TEXTURE_2D, map.texture, 0);
+    gl.GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_FRAMEBUFFER_ATTACHMENT_DEPTH_SIZE, &bits);
+    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, GLuint(ours));
+    return takeGlError(gl) == GL_NO_ERROR && bits > 0;
+}
+
 /// The host's texture on kCubeMapUnit, where maps of any kind go.
 static Failure bindMap(Context& context, const ShadowMap& map, uint32_t light)
 {
@@ -44,6 +58,7 @@ static Failure bindMap(Context& context, const ShadowMap& map, uint32_t light)
     GLint bound = 0;
     gl.GetIntegerv(kind.binding, &bound);
     if (takeGlError(gl) != GL_NO_ERROR || GLuint(bound) != map.texture) return invalid(which + "is no " + kind.name + "; set NacreShadowMap.kind to what it is");
+    if (!map.distances && !holdsDepth(context, map)) return invalid(which + "holds no depth; use a texture of a GL_DEPTH_COMPONENT or GL_DEPTH_STENCIL format");
     bindPlainSampler(context, kCubeMapUnit);
     return {};
 }

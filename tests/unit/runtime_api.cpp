@@ -629,6 +629,8 @@ TEST_CASE("numbers that are not finite and matrices that are not what they shoul
     badPlace([](NacreInstanceDesc& d) { d.worldFromAsset[3] = NAN; }, "worldFromAsset");
     badPlace([](NacreInstanceDesc& d) { d.worldFromAsset[0] = 2; }, "uniform scale");
     badPlace([](NacreInstanceDesc& d) { d.worldFromAsset[0] = 0; }, "uniform scale");
+    for (const float scale : {1e-13f, 1e30f})
+        badPlace([scale](NacreInstanceDesc& d) { d.worldFromAsset[0] = d.worldFromAsset[5] = d.worldFromAsset[10] = scale; }, "from 1e-12 to 1e12");
 
     const auto badLight = [&](auto change, const char* word) {
         NacreLight lights[2] = {toNacre(kLamp[0]), toNacre(kLamp[0])};

@@ -605,3 +605,29 @@ TEST_CASE("shadow maps: every kind of map, and depth of splats, in every context
         }
     }
 }
+
+TEST_CASE("shadow maps: a texture without depth is refused at the draw, and the next draw without it is right")
+{
+    if (!haveGl()) return;
+    Host host(receivers(false));
+    const Image lit = host.draw(offCentre(), std::vector<Light>{directionalLight({0, 0.3f, 1}, glm::vec3(1))});
+    GLuint color = 0;
+    glGenTextures(1, &color);
+    glBindTexture(GL_TEXTURE_2D, color);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, 16, 16, 0, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
+    const std::vector<float> identity = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    NacreShadowMap map{};
+    map.structSize = sizeof map, map.texture = color, map.layers = 1, map.clipFromWorld = identity.data();
+    NacreLight light = toNacre(directionalLight({0, 0.3f, 1}, glm::vec3(1)));
+    light.shadowMap = &map;
+    REQUIRE(nacreContextSetLights(host.context, &light, 1) == NACRE_OK);
+    REQUIRE(host.gl->beginFrame(offCentre().width, offCentre().height));
+    const NacreDrawDesc desc = describe(offCentre());
+    CHECK(nacreViewDraw(host.view, &desc) == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK_MESSAGE(host.lastMessage().find("holds no depth") != std::string::npos, host.lastMessage());
+    CHECK(glGetError() == GL_NO_ERROR);
+    light.shadowMap = nullptr;
+    REQUIRE(nacreContextSetLights(host.context, &light, 1) == NACRE_OK);
+    CHECK(largestDifference(host.draw(offCentre()), lit) == 0.0f);
+    glDeleteTextures(1, &color);
+}

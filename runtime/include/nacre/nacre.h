@@ -211,8 +211,8 @@ typedef struct NacreShadowMap {
     int reversed;                 // 1: nearer is larger
     int zeroToOne;                // 1: clip z is in [0, w], as it was drawn with glClipControl; 0: in [-w, w]
     float bias;                   // world units on top of one that follows from splat and texel size
-    float softness;               // texels: radius of the filter on top of one that covers a splat
-    uint64_t revision;            // one that differs from the last frame's says that texels or matrices have changed
+    float softness;               // texels: radius of the filter on top of one that covers a splat; 16 taps, so a few texels are smooth
+    uint64_t revision;            // another one, in a new call of nacreContextSetLights, says that texels have changed
 } NacreShadowMap;
 
 /// World space. Unused fields are ignored.
@@ -243,7 +243,8 @@ typedef struct NacreEnvironment {
     size_t structSize;            // sizeof(NacreEnvironment)
     int width, height;            // of the pixels
     const float* pixels;          // rgb, linear radiance, top row first: equirectangular, -Z in the middle, +X to its right, +Y up; copied
-    const float* sh;              // radiance: 3 * shCount numbers, rgb of function 0, rgb of function 1 ... (order l, m = -l..l)
+    const float* sh;              // radiance: 3 * shCount numbers, rgb of function 0, rgb of function 1 ... (order l, m = -l..l;
+                                  // orthonormal, with the Condon-Shortley sign, as in files of 3DGS: function 1 is -0.4886 y, 2 is 0.4886 z, 3 -0.4886 x)
     uint32_t shCount;             // 1 (ambient light), 4, 9, 16 or 25
     float worldFromMap[9];        // rotation, column-major; all zero: identity
     float intensity;              // factor; 0: 1
@@ -280,8 +281,9 @@ typedef struct NacreDrawDesc {
     int depthWrite;             // 1: afterwards write depth where splats cover the pixel by `depthAlpha`: the mean of the splats, each by
                                 // what it adds to the picture. Tested as the splats are. OpenGL ES without EXT_float_blend: unsupported
     float depthAlpha;           // 0 to 1; 0: 0.5
-    uint64_t maxRelightSplats;  // most splats that are relit by this draw, the longest outdated first; 0: all
-    const NacreInstance* instances; // null: all of the context that are not hidden and whose mask fits
+    uint64_t maxRelightSplats;  // most splats that are relit by this draw, each counted for every pass; the longest outdated first. A pass of an
+                                // instance is not divided, and one always runs, however small the number. 0: all
+    const NacreInstance* instances; // each once; null: all of the context. Of either, those that are not hidden and whose mask fits
     size_t instanceCount;
 } NacreDrawDesc;
 
