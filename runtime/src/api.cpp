@@ -2,6 +2,7 @@
 #include "appearance/sss/sss_edit.h"
 #include "asset.h"
 #include "base/text.h"
+#include "host_struct.h"
 #include "instance.h"
 #include "light_check.h"
 #include "splat_shadows.h"
@@ -17,7 +18,10 @@
 using nacre::Failure;
 using nacre::Handle;
 using nacre::HandleKind;
+using nacre::checkSize;
 using nacre::invalid;
+using nacre::rawEnum;
+using nacre::read;
 
 namespace {
 
@@ -110,23 +114,6 @@ NacreResult on(const Found<T>& found, Work work)
     return found ? guarded(*found.context, work) : NACRE_ERROR_INVALID_ARGUMENT;
 }
 
-Failure checkSize(const char* type, size_t found, size_t expected)
-{
-    if (found >= sizeof(size_t) && found <= expected) return {};
-    return invalid(std::string(type) + ".structSize is " + std::to_string(found) + ", expected " + std::to_string(expected) +
-                   (found > expected ? "; the library is older than the header" : "; set it to sizeof(" + std::string(type) + ")"));
-}
-
-/// A host's struct, perhaps an older one, whose missing fields are zero.
-template <class Desc>
-Failure read(const char* type, const Desc* given, Desc* copy)
-{
-    if (Failure f = checkSize(type, given->structSize, sizeof(Desc))) return f;
-    *copy = {};
-    std::memcpy(copy, given, given->structSize);
-    return {};
-}
-
 /// As much as the host's struct has room for; its structSize stays.
 template <class Info>
 void write(const Info& from, Info* out)
@@ -134,16 +121,6 @@ void write(const Info& from, Info* out)
     const size_t size = out->structSize;
     std::memcpy(out, &from, size);
     out->structSize = size;
-}
-
-/// A C host can store any int in an enum, and C++ must not read such a value as one.
-template <class Enum>
-int rawEnum(const Enum& value)
-{
-    int raw = 0;
-    static_assert(sizeof raw == sizeof value);
-    std::memcpy(&raw, &value, sizeof raw);
-    return raw;
 }
 
 Failure checkEdit(const NacreEdit& edit, size_t index)

@@ -2,6 +2,7 @@
 
 #include "base/limits.h"
 #include "base/text.h"
+#include "host_struct.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,16 +18,6 @@ constexpr float kBrightest = 1e15f;     // times falloff 1e6, the largest coeffi
 constexpr uint32_t kMostSamples = 1024;
 constexpr int kWidestMap = 16384, kHighestMap = 8192;
 
-/// A C host can store any int in an enum, and C++ must not read such a value as one.
-template <class Enum>
-int rawEnum(const Enum& value)
-{
-    int raw = 0;
-    static_assert(sizeof raw == sizeof value);
-    std::memcpy(&raw, &value, sizeof raw);
-    return raw;
-}
-
 bool inRange(float x, float low, float high) { return x >= low && x <= high; } // NaN fails
 
 bool isVector(const float v[3]) { return std::all_of(v, v + 3, [](float x) { return std::abs(x) <= kLargestNumber; }); }
@@ -36,15 +27,6 @@ double dot(const float a[3], const float b[3])
     double sum = 0;
     for (int c = 0; c < 3; ++c) sum += double(a[c]) * b[c];
     return sum;
-}
-
-/// Fields of a struct that may be shorter or longer than ours.
-Failure checkSize(const char* type, size_t found, size_t expected)
-{
-    if (found >= sizeof(size_t) && found <= expected) return {};
-    return invalid(std::string(type) + ".structSize is " + std::to_string(found) + ", " +
-                   (found > expected ? "this library knows " + std::to_string(expected) + " bytes: it is older than the header the host was compiled with"
-                                     : "set it to sizeof(" + std::string(type) + ")"));
 }
 
 Failure checkCones(const NacreLight& light, const std::string& which)
@@ -198,9 +180,7 @@ Failure readLights(const NacreLight* lights, size_t count, std::vector<NacreLigh
 
 Failure readEnvironment(const NacreEnvironment& environment, NacreEnvironment* copy)
 {
-    if (Failure f = checkSize("NacreEnvironment", environment.structSize, sizeof environment)) return f;
-    *copy = {};
-    std::memcpy(copy, &environment, environment.structSize);
+    if (Failure f = read("NacreEnvironment", &environment, copy)) return f;
     return checkEnvironment(*copy);
 }
 
