@@ -13,28 +13,6 @@ void main()
     ivec2 splat = gridTexel(g);
     float shares[3 * LAYERS];
     for (int i = 0; i < 3 * LAYERS; ++i) shares[i] = uSlots[i] < 0 ? 0.0 : texelFetch(uLit, litTexel(splat, uSlots[i], uLanes), 0).a;
-    // outputs take constant indices only
 #define WRITE(k) outShares[k] = vec4(shares[3 * k], shares[3 * k + 1], shares[3 * k + 2], 0.0)
-    WRITE(0);
-#if LAYERS > 1
-    WRITE(1);
-#endif
-#if LAYERS > 2
-    WRITE(2);
-#endif
-#if LAYERS > 3
-    WRITE(3);
-#endif
-#if LAYERS > 4
-    WRITE(4);
-#endif
-#if LAYERS > 5
-    WRITE(5);
-#endif
-#if LAYERS > 6
-    WRITE(6);
-#endif
-#if LAYERS > 7
-    WRITE(7);
-#endif
+    EACH_LAYER(WRITE);
 }

@@ -28,7 +28,7 @@ Failure Gbuffer::splatProgram(const Pass& pass, const Program** program)
 Failure Gbuffer::findSplatProgram(const Pass& pass, const Program** program)
 {
     const std::string defines = define("LAYERS", pass.layers) + define("FIRST_LAYER", pass.firstLayer) + define("EXTRA", int(pass.extra)) + define("MIXED", int(pass.mixed));
-    return findProgram(context_, {"G-buffer", defines + shaders::kListGlsl + shaders::kSssGbufferVertGlsl, defines + shaders::kSssGbufferFragGlsl,
+    return findProgram(context_, {"G-buffer", defines + shaders::kListGlsl + shaders::kSssGbufferVertGlsl, defines + shaders::kEachLayerGlsl + shaders::kSssGbufferFragGlsl,
                                   {"uProjected0", "uProjected1", "uOrder", "uColor", "uAttributes"}}, program);
 }
 
@@ -155,18 +155,6 @@ Failure Gbuffer::resolve(const GbufferInput& in, bool extra, int layers, int fir
     return {};
 }
 
-void Gbuffer::uploadLights(const ViewLights& lights)
-{
-    const size_t count = lights.packed.size();
-    if (count == 0) return;
-    if (size_t(lights_.width()) < count) lights_ = Texture(context_, GL_RGBA32F, int((count + 15) / 16 * 16), 4);
-    std::vector<glm::vec4> texels(4 * count);
-    for (size_t row = 0; row < 4; ++row)
-        for (size_t t = 0; t < count; ++t) texels[row * count + t] = lights.packed[t].row[row];
-    lights_.bind(0);
-    context_.gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, GLsizei(count), 4, GL_RGBA, GL_FLOAT, texels.data());
-}
-
 /// Depth is stored relative to the middle of what is shaded, in about its size: half floats are finest around zero, and err by 2^-12 of
 /// it. Where that is much beside the smallest object, a light near it would see it in steps, and the depth is float.
 static bool isDeep(const GbufferInput& in)
@@ -187,7 +175,9 @@ Failure Gbuffer::draw(const GbufferInput& in, GlStateGuard& state)
     depthUnit_ = std::exp2(std::clamp(exponent, -100.0f, 100.0f)); // a power of two: dividing rounds nothing
     const int lights = int(in.lights.points.size()), mostFirst = mostFirstLights(in.mixed);
     const bool sums = lights > mostFirst;
-    uploadLights(in.lights);
+    const size_t columns = in.lights.packed.size();
+    if (columns > size_t(lights_.width())) lights_ = Texture(context_, GL_RGBA32F, int((columns + 15) / 16 * 16), kLightRows);
+    uploadLights(gl, lights_, in.lights.packed, 0, columns);
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, state.hostFramebuffer());
     const float maxColor = largestColor(gl);
     const bool fine = gl.floatBlend; // else half floats are all there is

@@ -57,7 +57,6 @@ private:
     void attach(const Target& target, int first, int count, bool extra) const;
     Failure blend(const GbufferInput& input, Target& target, bool extra, int layers, int firstLight, GlStateGuard& state);
     Failure resolve(const GbufferInput& input, bool extra, int lights, int firstLight, const float viewport[4], float maxColor);
-    void uploadLights(const ViewLights& lights);
 
     Context& context_;
     Target first_, further_, summed_;

@@ -21,27 +21,19 @@ void Instance::moveTo(const Placement& place)
     ++looksRevision;
 }
 
-/// The columns of changed slots.
-static void uploadColumns(const Gl& gl, const Texture& texture, const std::vector<PackedLight>& packed, size_t first, size_t end)
-{
-    const size_t count = end - first;
-    std::vector<glm::vec4> texels(4 * count);
-    for (size_t row = 0; row < 4; ++row)
-        for (size_t i = 0; i < count; ++i) texels[row * count + i] = packed[first + i].row[row];
-    texture.bind(0);
-    gl.TexSubImage2D(GL_TEXTURE_2D, 0, GLint(first), 0, GLsizei(count), 4, GL_RGBA, GL_FLOAT, texels.data());
-}
-
 Failure Instance::updateLights()
 {
     if (packedLights_ == context.lights.revision() && packedLooks_ == looksRevision && packedMask_ == lightMask) return {};
+    const InstancePlace place{placement.assetFromWorld, float(placement.scale), asset->boundsMin, asset->boundsMax, lightMask};
     InstanceLights next = lights;
-    packLights(context.lights, {placement.assetFromWorld, float(placement.scale), asset->boundsMin, asset->boundsMax, lightMask}, &next);
+    packLights(context.lights, place, &next);
     const size_t count = next.packed.size();
     if (count > size_t(context.gl.maxTextureSize)) // and the lights that were stay those that were
         return {NACRE_ERROR_UNSUPPORTED, std::to_string(count) + " lights reach an instance, on this GPU at most " + std::to_string(context.gl.maxTextureSize) +
                                              " can; use masks or ranges"};
     std::swap(lights, next);
+    arriving = 0;
+    for (const PackedLight& light : lights.packed) arriving += boundLight(light, place).most;
     const std::vector<PackedLight>& before = next.packed;
     ++revision_;
     size_t first = count, end = 0;
@@ -54,14 +46,14 @@ Failure Instance::updateLights()
     if (count > size_t(lightTexture.width())) {
         clearHostErrors(context);
         lightTexture = {};
-        lightTexture = Texture(context, GL_RGBA32F, int(std::min<size_t>((count + 15) / 16 * 16, size_t(context.gl.maxTextureSize))), 4);
+        lightTexture = Texture(context, GL_RGBA32F, int(std::min<size_t>((count + 15) / 16 * 16, size_t(context.gl.maxTextureSize))), kLightRows);
         if (takeGlError(context.gl) != GL_NO_ERROR) {
             lightTexture = {}, packedLights_ = 0;
             return {NACRE_ERROR_OUT_OF_MEMORY, "not enough GPU memory for " + std::to_string(count) + " lights on an instance; use fewer"};
         }
         first = 0, end = count;
     }
-    if (end > first) uploadColumns(context.gl, lightTexture, lights.packed, first, end);
+    uploadLights(context.gl, lightTexture, lights.packed, first, end);
     packedLights_ = context.lights.revision(), packedLooks_ = looksRevision, packedMask_ = lightMask;
     return {};
 }

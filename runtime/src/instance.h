@@ -19,6 +19,7 @@ struct Instance {
     uint64_t looksRevision = 1;            // of transform, tint and edits
 
     InstanceLights lights;
+    double arriving = 0;                   // a bound of their sum, where in the box of the splats each is strongest
     std::vector<uint64_t> slotRevisions;   // of packed lights by slot; one more than lights: what was removed last
     Texture lightTexture;                  // RGBA32F, a column per slot
     std::vector<Texture> occlusion;        // RGBA8 by batch, slots of four lights: what arrives from outside; empty: everything

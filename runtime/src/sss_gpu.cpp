@@ -253,7 +253,7 @@ Failure SssAsset::surfaceProgram(const Program** program) const
 Failure SssAsset::incidentProgram(int layers, const Program** program) const
 {
     return incident_[layers].find(program, [&](const Program** made) {
-        return findProgram(asset_.context, {"incident", shaders::kFullscreenVertGlsl, define("LAYERS", layers) + shaders::kPassGlsl + shaders::kSssIncidentFragGlsl, {"uLit"}},
+        return findProgram(asset_.context, {"incident", shaders::kFullscreenVertGlsl, define("LAYERS", layers) + shaders::kEachLayerGlsl + shaders::kPassGlsl + shaders::kSssIncidentFragGlsl, {"uLit"}},
                        made);
     });
 }

@@ -142,6 +142,17 @@ void runPass(Context& context, int width, int first, int rows)
     gl.DrawArrays(GL_TRIANGLES, 0, 3);
 }
 
+void uploadLights(const Gl& gl, const Texture& texture, const std::vector<PackedLight>& lights, size_t first, size_t end)
+{
+    if (first >= end) return;
+    const size_t count = end - first;
+    std::vector<glm::vec4> texels(kLightRows * count);
+    for (size_t row = 0; row < kLightRows; ++row)
+        for (size_t i = 0; i < count; ++i) texels[row * count + i] = lights[first + i].row[row];
+    texture.bind(0);
+    gl.TexSubImage2D(GL_TEXTURE_2D, 0, GLint(first), 0, GLsizei(count), kLightRows, GL_RGBA, GL_FLOAT, texels.data());
+}
+
 void copyRows(Context& context, const Texture& from, const Texture& to, int rows)
 {
     const Gl& gl = context.gl;

@@ -90,6 +90,9 @@ Texture slotTexture(Context& context, const SplatGrid& grid, GLenum format, int 
 /// A draw over `rows` rows of the bound framebuffer, from `first` on.
 void runPass(Context& context, int width, int first, int rows);
 
+/// The columns of lights first .. end - 1 of a light texture (PackedLight).
+void uploadLights(const Gl& gl, const Texture& texture, const std::vector<PackedLight>& lights, size_t first, size_t end);
+
 /// The first `rows` rows of one float texture into another.
 void copyRows(Context& context, const Texture& from, const Texture& to, int rows);
 

@@ -238,16 +238,6 @@ static std::vector<int> slotsOf(const Instance& instance, const ViewLights& ligh
     return slots;
 }
 
-/// A bound of the light that an instance receives, at the place of its box where each light is strongest.
-static double arriving(const Instance& instance)
-{
-    const Asset& asset = *instance.asset;
-    const InstancePlace place{instance.placement.assetFromWorld, float(instance.placement.scale), asset.boundsMin, asset.boundsMax, instance.lightMask};
-    double sum = 0;
-    for (const PackedLight& light : instance.lights.packed) sum += boundLight(light, place).most;
-    return sum;
-}
-
 /// Surfaces and incident shares of all instances into the list.
 Failure View::gather(const ViewFrame& frame)
 {
@@ -267,7 +257,7 @@ Failure View::rasterShaded(const ViewFrame& frame, bool depthTest, GlStateGuard&
         const Instance& instance = *entry->instance;
         const bool shaded = isShaded(*instance.asset);
         input.mixed = input.mixed || !shaded;
-        input.bright = input.bright || arriving(instance) * double(instance.model->brightest()) > double(kMaxHalf);
+        input.bright = input.bright || instance.arriving * double(instance.model->brightest()) > double(kMaxHalf);
         if (!shaded) continue;
         const glm::vec3 low = instance.asset->boundsMin, high = instance.asset->boundsMax, size = (high - low) * entry->frame.worldScale;
         for (int corner = 0; corner < 8; ++corner) {
