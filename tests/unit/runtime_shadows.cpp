@@ -1,5 +1,5 @@
 // Shadows that meshes of the host cast onto splats through its shadow maps, against rays through the same triangles.
-#include "runtime_fixture.h"
+#include "runtime_shadow_receivers.h"
 
 #define GL_GLEXT_PROTOTYPES
 #include <GL/glcorearb.h>
@@ -11,28 +11,9 @@ namespace {
 
 // Receivers: a grid of small splats that do not overlap in the picture of an orthographic camera above them, at random heights.
 constexpr int kCells = 24, kCellPixels = 8, kImage = kCells * kCellPixels;
-constexpr float kHalf = 1, kSigma = 0.012f; // of the grid; of a splat
+constexpr float kHalf = 1, kSigma = kReceiverSigma; // of the grid; of a splat
 
-SplatAsset receivers(bool sss)
-{
-    constexpr size_t kCount = kCells * kCells;
-    SplatAsset a = sss ? randomSss(kCount, 0, 5) : randomAsset(kCount, 0, 5);
-    for (size_t g = 0; g < kCount; ++g) {
-        const int x = int(g) % kCells, y = int(g) / kCells;
-        a.cloud.positions[g] = {kHalf * ((2 * x + 1.0f) / kCells - 1), kHalf * ((2 * y + 1.0f) / kCells - 1), 0.3f * float((g * 7919) % 101) / 101};
-        a.cloud.scales[g] = glm::vec3(kSigma);
-        a.cloud.opacities[g] = 0.9f;
-    }
-    for (Channel& c : a.channels) {
-        if (c.name == "tDir")
-            for (size_t i = 0; i < c.values.size(); ++i) c.values[i] = i % 25 == 0 ? 1.0f : 0.0f;
-        if (c.name == "rho" || c.name == "baseColor") std::fill(c.values.begin(), c.values.end(), 0.75f);
-        if (c.name == "tInd") std::fill(c.values.begin(), c.values.end(), 0.0f);
-        if (c.name == "normal")
-            for (size_t i = 0; i < c.values.size(); ++i) c.values[i] = i % 3 == 2 ? 1.0f : 0.0f;
-    }
-    return a;
-}
+SplatAsset receivers(bool sss) { return shadowReceivers(sss, kCells, 0.3f); }
 
 NacreDrawDesc above()
 {

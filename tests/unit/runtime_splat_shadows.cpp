@@ -1,35 +1,15 @@
 // Shadows of splats on the splats of other instances, against products of 1 - alpha along rays.
 #include "render/visibility_embree.h"
-#include "runtime_fixture.h"
+#include "runtime_shadow_receivers.h"
 
 using namespace nacre;
 using namespace nacre::test;
 
 namespace {
 
-// Receivers as in runtime_shadows.cpp: splats that do not overlap in the picture of an orthographic camera above them.
 constexpr int kCells = 20, kCellPixels = 8, kImage = kCells * kCellPixels;
 
-SplatAsset receivers(bool sss, float height = 0.3f)
-{
-    constexpr size_t kCount = kCells * kCells;
-    SplatAsset a = sss ? randomSss(kCount, 0, 5) : randomAsset(kCount, 0, 5);
-    for (size_t g = 0; g < kCount; ++g) {
-        const int x = int(g) % kCells, y = int(g) / kCells;
-        a.cloud.positions[g] = {(2 * x + 1.0f) / kCells - 1, (2 * y + 1.0f) / kCells - 1, height * float((g * 7919) % 101) / 101};
-        a.cloud.scales[g] = glm::vec3(0.012f);
-        a.cloud.opacities[g] = 0.9f;
-    }
-    for (Channel& c : a.channels) {
-        if (c.name == "tDir")
-            for (size_t i = 0; i < c.values.size(); ++i) c.values[i] = i % 25 == 0 ? 1.0f : 0.0f;
-        if (c.name == "rho" || c.name == "baseColor") std::fill(c.values.begin(), c.values.end(), 0.75f);
-        if (c.name == "tInd") std::fill(c.values.begin(), c.values.end(), 0.0f);
-        if (c.name == "normal")
-            for (size_t i = 0; i < c.values.size(); ++i) c.values[i] = i % 3 == 2 ? 1.0f : 0.0f;
-    }
-    return a;
-}
+SplatAsset receivers(bool sss, float height = 0.3f) { return shadowReceivers(sss, kCells, height); }
 
 /// A slab of wide splats around the origin, thick enough to hold nearly all light up.
 SplatAsset slab(float opacity = 0.95f)
