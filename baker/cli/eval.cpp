@@ -45,6 +45,9 @@ static Status writeFigures(const EvalArguments& args, const AssetFile& file, con
                       {"images", result.images.size()},
                       {"psnr", result.mean.psnr},
                       {"psnr_masked", result.mean.psnrMasked},
+                      {"psnr_highlight", std::isfinite(result.psnrHighlight) ? Json(result.psnrHighlight) : Json(nullptr)},
+                      {"highlight_missing", result.mean.highlightMissing},
+                      {"highlight_false", result.mean.highlightFalse},
                       {"ssim", result.mean.ssim},
                       {"flip", result.mean.flip},
                       {"rel_mse_linear", result.mean.relMseLinear},
@@ -126,6 +129,9 @@ static Status runEval(const EvalArguments& args)
     for (size_t i = 0; i < result->images.size(); ++i)
         printRow(format("%04zu", result->indices[i]).c_str(), result->images[i], (*split)->images[result->indices[i]].path);
     printRow("mean", result->mean, format("%zu images of split '%s', renderer %s", result->images.size(), args.split.c_str(), args.renderer.name.c_str()));
+    std::printf("highlights: %.3f %% of the object missing, %.3f %% invented; %s\n", 100 * result->mean.highlightMissing, 100 * result->mean.highlightFalse,
+                std::isfinite(result->psnrHighlight) ? format("%.2f dB where the reference is bright", result->psnrHighlight).c_str()
+                                                     : "the reference is bright nowhere");
     std::printf("%zu splats, %zu bytes (%.1f per splat), drawn by %s\n", splats, bytes, perSplat, (*renderer)->description().c_str());
     if (*scattered) std::printf("%.1f %% of the light has travelled beneath the surface (residual), the rest was reflected\n", 100 * **scattered);
     const RenderTimes& t = result->times;

@@ -1,4 +1,4 @@
-// Means are over images of per-image values, as papers report them; PSNR is never taken of a mean error.
+// Means are over images of per-image values, as papers report them; PSNR is never taken of a mean error, but for highlights.
 #include "eval/evaluate.h"
 
 #include <algorithm>
@@ -9,7 +9,9 @@ namespace nacre {
 
 // Every figure of ImageMetrics, so that a mean cannot forget one.
 static constexpr double ImageMetrics::*kFigures[] = {&ImageMetrics::psnr, &ImageMetrics::psnrMasked, &ImageMetrics::ssim,
-                                                     &ImageMetrics::flip, &ImageMetrics::relMseLinear};
+                                                     &ImageMetrics::flip, &ImageMetrics::relMseLinear,
+                                                     &ImageMetrics::highlightMissing, &ImageMetrics::highlightFalse,
+                                                     &ImageMetrics::highlightSquared, &ImageMetrics::highlightSamples};
 static_assert(sizeof(ImageMetrics) == sizeof(kFigures) / sizeof(kFigures[0]) * sizeof(double));
 
 Result<std::vector<Light>> rendererLights(const Light& light)
@@ -65,6 +67,7 @@ Result<EvalResult> evaluate(const OlatSplit& split, ImageCache& references, Spla
             result.times = *times;
         }
     }
+    result.psnrHighlight = highlightPsnr(result.mean);
     for (auto figure : kFigures) result.mean.*figure /= double(std::max<size_t>(result.images.size(), 1));
     return result;
 }

@@ -37,6 +37,7 @@ struct EvalResult {
     std::vector<double> luminance;     // of each render, summed over its pixels
     std::vector<UnusableImage> skipped; // the rest
     ImageMetrics mean;                 // of the per-image values
+    double psnrHighlight = 0;          // of the highlights of all images together; NaN: there are none
     double psnrMin = 0;
     RenderTimes times;                 // zeros without timing
 };

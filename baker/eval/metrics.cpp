@@ -29,6 +29,57 @@ double psnrOf(double squaredError, size_t samples)
     return mse > 0 ? std::min(kMaxPsnr, -10.0 * std::log10(mse)) : (mse == 0 ? kMaxPsnr : mse); // NaN stays NaN
 }
 
+Plane lumaPlane(const Image& image)
+{
+    Plane luma(image.width, image.height);
+    constexpr double kWeights[] = {0.2126, 0.7152, 0.0722};
+    for (int c = 0; c < 3; ++c) {
+        const Plane channel = displayPlane(image, c);
+        for (size_t i = 0; i < luma.values.size(); ++i) luma.values[i] += kWeights[c] * channel.values[i];
+    }
+    return luma;
+}
+
+/// The largest value in the square around each pixel.
+Plane largestNear(const Plane& in, int reach)
+{
+    const auto along = [&](const Plane& p, int dx, int dy) {
+        Plane out(p.width, p.height);
+        for (int y = 0; y < p.height; ++y)
+            for (int x = 0; x < p.width; ++x) {
+                double most = 0;
+                for (int k = -reach; k <= reach; ++k) {
+                    const int u = std::clamp(x + k * dx, 0, p.width - 1), v = std::clamp(y + k * dy, 0, p.height - 1);
+                    most = std::max(most, p.values[size_t(v) * size_t(p.width) + size_t(u)]);
+                }
+                out.values[size_t(y) * size_t(p.width) + size_t(x)] = most;
+            }
+        return out;
+    };
+    return along(along(in, 1, 0), 0, 1);
+}
+
+void measureHighlights(const Image& render, const Image& reference, ImageMetrics& metrics)
+{
+    const Plane luma = lumaPlane(render), referenceLuma = lumaPlane(reference);
+    const Plane near = largestNear(luma, kHighlightReach), referenceNear = largestNear(referenceLuma, kHighlightReach);
+    size_t object = 0, missing = 0, invented = 0;
+    for (size_t i = 0; i < luma.values.size(); ++i) {
+        if (!(reference.rgba[4 * i + 3] > 0.5f)) continue;
+        ++object;
+        missing += referenceLuma.values[i] > near.values[i] + kHighlightStep;
+        invented += luma.values[i] > referenceNear.values[i] + kHighlightStep;
+        if (!(referenceLuma.values[i] > kHighlightLuma)) continue;
+        for (size_t c = 0; c < 3; ++c) {
+            const auto display = [&](const Image& image) { return double(srgbFromLinear(std::clamp(image.rgba[4 * i + c], 0.0f, 1.0f))); };
+            const double difference = display(render) - display(reference);
+            metrics.highlightSquared += difference * difference, metrics.highlightSamples += 1;
+        }
+    }
+    metrics.highlightMissing = double(missing) / double(std::max<size_t>(object, 1));
+    metrics.highlightFalse = double(invented) / double(std::max<size_t>(object, 1));
+}
+
 /// Sum over the pixels of one channel.
 double ssimSum(const Plane& a, const Plane& b)
 {
@@ -68,7 +119,7 @@ ImageMetrics compareImages(const Image& render, const Image& reference)
     assert(sameSize);
     if (!sameSize) {
         constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-        return {kNan, kNan, kNan, kNan, kNan};
+        return {kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan};
     }
 
     struct Sums {
@@ -101,7 +152,13 @@ ImageMetrics compareImages(const Image& render, const Image& reference)
     metrics.ssim = ssim(render, reference);
     metrics.flip = meanFlip(render, reference);
     metrics.relMseLinear = masked.relative / double(masked.samples);
+    measureHighlights(render, reference, metrics);
     return metrics;
+}
+
+double highlightPsnr(const ImageMetrics& sums)
+{
+    return sums.highlightSamples > 0 ? psnrOf(sums.highlightSquared, size_t(std::lround(sums.highlightSamples))) : std::numeric_limits<double>::quiet_NaN();
 }
 
 } // namespace nacre

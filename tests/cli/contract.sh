@@ -268,7 +268,7 @@ fi
 
 echo "-- eval, render and info of an asset"
 asset=one/a.glb
-eval_keys="split images psnr psnr_masked ssim flip rel_mse_linear ms_per_frame splats asset_bytes bytes_per_splat renderer"
+eval_keys="split images psnr psnr_masked psnr_highlight highlight_missing highlight_false ssim flip rel_mse_linear ms_per_frame splats asset_bytes bytes_per_splat renderer"
 eval_keys+=" psnr_min relight_ms sort_ms raster_ms scattered_share drawn_by skipped"
 for renderer in gl reference; do
     expect 0 "" "$nacre" eval $asset "$sample" --renderer $renderer --frames 1 --json eval.json --images images_$renderer

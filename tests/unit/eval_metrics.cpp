@@ -156,3 +156,32 @@ TEST_CASE("single-pixel and one-row images are measured")
         CHECK(m.flip > 0);
     }
 }
+
+TEST_CASE("a highlight that is a few pixels off is neither missing nor invented; one that only one image has is")
+{
+    const auto spot = [](int atX, int atY, float luma) {
+        return makeImage(40, 30, [&](int x, int y) { return display(x == atX && y == atY ? luma : 0.3f); });
+    };
+    constexpr double kOnePixel = 1.0 / (40 * 30);
+    const Image here = spot(20, 15, 0.9f), near = spot(22, 13, 0.9f), far = spot(23, 15, 0.9f), dull = spot(20, 15, 0.45f), none = spot(20, 15, 0.3f);
+    CHECK(compareImages(here, near).highlightMissing == 0);
+    CHECK(compareImages(here, near).highlightFalse == 0);
+    CHECK(compareImages(here, far).highlightMissing == doctest::Approx(kOnePixel));
+    CHECK(compareImages(here, far).highlightFalse == doctest::Approx(kOnePixel));
+    CHECK(compareImages(dull, here).highlightMissing == doctest::Approx(kOnePixel));
+    CHECK(compareImages(dull, here).highlightFalse == 0);
+    CHECK(compareImages(dull, none).highlightFalse == 0); // 0.15 brighter: not yet a highlight
+    CHECK(compareImages(here, none).highlightFalse == doctest::Approx(kOnePixel));
+}
+
+TEST_CASE("highlights are shares of the object, and their PSNR is over bright reference pixels only")
+{
+    const auto image = [](float bright) {
+        return makeImage(20, 10, [&](int x, int y) { return display(x == 4 && y == 4 ? bright : 0.2f, x < 10 ? 1.0f : 0.0f); });
+    };
+    const ImageMetrics m = compareImages(image(0.6f), image(0.9f));
+    CHECK(m.highlightMissing == doctest::Approx(1.0 / 100));
+    CHECK(m.highlightSamples == 3);
+    CHECK(highlightPsnr(m) == doctest::Approx(-20 * std::log10(0.3)).epsilon(1e-4));
+    CHECK(std::isnan(highlightPsnr(compareImages(image(0.9f), image(0.6f)))));
+}
