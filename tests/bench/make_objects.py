@@ -88,4 +88,5 @@ def main():
         write_glb(out / f"{name}.glb", document, data[28 + length:])
 
 
-main()
+if __name__ == "__main__":
+    main()
