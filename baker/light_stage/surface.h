@@ -52,10 +52,10 @@ private:
     bool seeThrough_ = false;
 };
 
-/// 1 - specular * Schlick(F0, cosine): what a walk keeps on its way out.
+/// 1 - specular F: what a walk keeps on its way out.
 inline float walkExitFactor(const SurfaceBsdf& surface, float cosine)
 {
-    return 1.0f - maxOf(surface.specular * (surface.f0 + (1.0f - surface.f0) * schlickWeight(cosine)));
+    return 1.0f - maxOf(surface.specular * surface.dielectricFresnel(cosine));
 }
 
 } // namespace nacre::stage

@@ -1,18 +1,19 @@
-// How a surface point scatters: the glTF 2.0 material model (appendix B) with KHR_materials_specular, ior, anisotropy, clearcoat and
-// transmission, exactly as the specifications write it:
+// How a surface point scatters: the glTF 2.0 material model (appendix B) with KHR_materials_specular, ior, anisotropy, clearcoat,
+// transmission and iridescence, exactly as the specifications write it:
 //
 //   material   = mix(dielectric, metal, metallic)
 //   metal      = (c + (1 - c)(1 - V.H)^5) specular(alpha),                                    c = base colour
 //   dielectric = (1 - w max(F)) base + w F specular(alpha),  F = F0 + (1 - F0)(1 - V.H)^5,    w = specular factor
 //   base       = mix(c / pi, c * transmitted specular, transmission)
 //   coated     = mix(material, specular(alpha_c), clearcoat (0.04 + 0.96 (1 - Nc.V)^5))       (not reciprocal: only V counts)
+// Under a thin film, F and the metal's term become mix(F, reflectance of the film, iridescence).
 //
 // Where the mesh bounds a volume, the transmission lobe refracts (Walter et al. 2007) and F is the exact dielectric Fresnel term,
 // which knows total internal reflection. Radiance is not scaled by ior^2 at the boundary: lights and cameras are outside, where
 // the factors cancel.
 #pragma once
 
-#include "light_stage/microfacet.h"
+#include "light_stage/thin_film.h"
 
 namespace nacre::stage {
 
@@ -27,6 +28,7 @@ struct SurfaceBsdf {
     float specular = 1.0f, metallic = 0.0f, transmission = 0.0f;
     float alphaX = 1.0f, alphaY = 1.0f;
     float eta = 1.0f;          // ior of the far side over that of wo's side; 1: thin wall, light goes straight through
+    float film = 0.0f, filmIor = 1.3f, filmThickness = 0.0f; // iridescence factor; nanometres
     float coat = 0.0f, coatAlpha = 0.0f;
     Frame coatFrame;
     glm::vec3 coatWo{0, 0, 1};
@@ -47,9 +49,9 @@ struct SurfaceBsdf {
 
     glm::vec3 dielectricFresnel(float cosine) const
     {
-        if (solid()) return glm::vec3(fresnelDielectric(cosine, eta));
-        return f0 + (1.0f - f0) * schlickWeight(cosine);
+        return underFilm(solid() ? glm::vec3(fresnelDielectric(cosine, eta)) : f0 + (1.0f - f0) * schlickWeight(cosine), f0, cosine);
     }
+    glm::vec3 metalFresnel(float cosine) const { return underFilm(baseColor + (1.0f - baseColor) * schlickWeight(cosine), baseColor, cosine); }
 
     /// Call when everything else is set. `subsurface` gets the chance of entering a random walk of that albedo, relative to the rest.
     void finish(const glm::vec3& subsurfaceAlbedo, float* chanceSubsurface)
@@ -58,8 +60,7 @@ struct SurfaceBsdf {
         const float below = (1.0f - metallic) * (1.0f - maxOf(fresnel));
         coatShare = coat * (0.04f + 0.96f * schlickWeight(std::fabs(coatWo.z)));
         const float under = 1.0f - coatShare;
-        const glm::vec3 metalFresnel = baseColor + (1.0f - baseColor) * schlickWeight(wo.z);
-        float s = under * luminance(metallic * metalFresnel + (1.0f - metallic) * fresnel);
+        float s = under * luminance(metallic * metalFresnel(wo.z) + (1.0f - metallic) * fresnel);
         const float d = under * below * luminance(diffuse), t = under * below * transmission * luminance(baseColor);
         const float walk = under * below * luminance(subsurfaceAlbedo);
         // A lobe that is there must never have chance 0: Fresnel at a microfacet may exceed its value at the mean normal.
@@ -81,11 +82,11 @@ struct SurfaceBsdf {
         glm::vec3 f(0.0f);
         if (reflected) {
             const glm::vec3 h = glm::normalize(wo + wi);
-            const float voh = glm::dot(wo, h), schlick = schlickWeight(voh);
+            const float voh = glm::dot(wo, h);
             const glm::vec3 fresnel = specular * dielectricFresnel(voh);
             f = (1.0f - metallic) * (1.0f - maxOf(fresnel)) * kInvPi * diffuse;
             if (specular > 0.0f || metallic > 0.0f) {
-                const glm::vec3 tint = metallic * (baseColor + (1.0f - baseColor) * schlick) + (1.0f - metallic) * fresnel;
+                const glm::vec3 tint = metallic * metalFresnel(voh) + (1.0f - metallic) * fresnel;
                 f += tint * ggxReflection(wo, wi, h, alphaX, alphaY);
             }
             f *= wi.z;
@@ -106,7 +107,8 @@ struct SurfaceBsdf {
         }
         glm::vec3 h;
         if (!refractionHalfVector(wi, &h)) return f;
-        const float oh = glm::dot(wo, h), ih = glm::dot(wi, h), through = 1.0f - specular * fresnelDielectric(oh, eta);
+        const float oh = glm::dot(wo, h), ih = glm::dot(wi, h);
+        const glm::vec3 through = 1.0f - specular * dielectricFresnel(oh);
         const float d = ggxD(h, alphaX, alphaY) * ggxG1(wo, alphaX, alphaY) * ggxG1(wi, alphaX, alphaY);
         return tint * (through * d * std::fabs(oh * ih) / (wo.z * sqr(oh / eta + ih))); // Walter et al. 2007, eq. 21, times |cos wi|
     }
@@ -170,6 +172,13 @@ struct SurfaceBsdf {
     }
 
 private:
+    glm::vec3 underFilm(const glm::vec3& bare, const glm::vec3& bareF0, float cosine) const
+    {
+        if (film == 0.0f) return bare;
+        if (eta < 1.0f) cosine = std::sqrt(std::max(0.0f, 1.0f - (1.0f - cosine * cosine) / (eta * eta))); // seen from within: what the outside sees
+        return glm::mix(bare, thinFilmReflectance(cosine, filmIor, filmThickness, bareF0), film);
+    }
+
     /// The microfacet normal, on wo's side, that refracts wo into wi.
     bool refractionHalfVector(const glm::vec3& wi, glm::vec3* h) const
     {

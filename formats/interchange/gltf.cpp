@@ -42,7 +42,7 @@ void warnAboutMissingTexcoords(File& file, const TriangleMesh& mesh, const MeshM
 {
     for (const TextureSlot* slot :
          {&m.baseColorTexture, &m.metallicRoughnessTexture, &m.normalTexture, &m.specularTexture, &m.specularColorTexture, &m.anisotropyTexture,
-          &m.clearcoatTexture, &m.clearcoatRoughnessTexture, &m.clearcoatNormalTexture, &m.transmissionTexture})
+          &m.clearcoatTexture, &m.clearcoatRoughnessTexture, &m.clearcoatNormalTexture, &m.iridescenceTexture, &m.iridescenceThicknessTexture, &m.transmissionTexture})
         if (*slot && mesh.texcoords[slot->texcoord].empty())
             file.warn(where + " has no TEXCOORD_" + std::to_string(slot->texcoord) + ", which the textures of material " +
                       inQuotes(m.name) + " need: they are sampled at one point");

@@ -28,6 +28,7 @@ constexpr KnownExtension kKnownExtensions[] = {
     {"KHR_materials_specular", true},
     {"KHR_materials_anisotropy", true},
     {"KHR_materials_clearcoat", true},
+    {"KHR_materials_iridescence", true},
     {"KHR_materials_transmission", true},
     {"KHR_materials_diffuse_transmission", true}, // with KHR_materials_volume_scatter; alone it has its own warning
     {"KHR_materials_volume", true},
@@ -67,7 +68,6 @@ std::string effectOf(const std::string& extension)
     };
     constexpr Effect kEffects[] = {
         {"KHR_materials_sheen", "cloth has no sheen"},
-        {"KHR_materials_iridescence", "thin films have no colours"},
         {"KHR_materials_dispersion", "glass does not split colours"},
         {"KHR_materials_retroreflection", "nothing shines back at the light"},
         {"KHR_materials_diffuse_roughness", "diffuse surfaces are Lambertian"},

@@ -234,6 +234,14 @@ private:
         slot(clearcoat["clearcoatNormalTexture"], m.clearcoatNormalTexture);
         number(clearcoat["clearcoatNormalTexture"]["scale"], m.clearcoatNormalScale);
 
+        const JsonNode iridescence = File::extension(node, "KHR_materials_iridescence");
+        factor(iridescence["iridescenceFactor"], m.iridescence);
+        factor(iridescence["iridescenceIor"], m.iridescenceIor, 1.0f, 1e3f);
+        factor(iridescence["iridescenceThicknessMinimum"], m.iridescenceThicknessMinimum, 0.0f, 1e9f);
+        factor(iridescence["iridescenceThicknessMaximum"], m.iridescenceThicknessMaximum, 0.0f, 1e9f);
+        slot(iridescence["iridescenceTexture"], m.iridescenceTexture);
+        slot(iridescence["iridescenceThicknessTexture"], m.iridescenceThicknessTexture);
+
         const JsonNode transmission = File::extension(node, "KHR_materials_transmission");
         factor(transmission["transmissionFactor"], m.transmission);
         slot(transmission["transmissionTexture"], m.transmissionTexture);

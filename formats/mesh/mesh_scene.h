@@ -59,6 +59,10 @@ struct MeshMaterial {
     TextureSlot clearcoatRoughnessTexture;   // G
     TextureSlot clearcoatNormalTexture;
     float clearcoatNormalScale = 1.0f;
+    float iridescence = 0.0f, iridescenceIor = 1.3f; // KHR_materials_iridescence: a thin film over the specular layer
+    float iridescenceThicknessMinimum = 100.0f, iridescenceThicknessMaximum = 400.0f; // nanometres; without a texture it is the maximum
+    TextureSlot iridescenceTexture;          // R
+    TextureSlot iridescenceThicknessTexture; // G, from minimum to maximum
     float transmission = 0.0f;               // KHR_materials_transmission
     TextureSlot transmissionTexture;         // R
     float thickness = 0.0f;                  // KHR_materials_volume: > 0 makes the mesh the boundary of a medium

@@ -40,6 +40,10 @@ TEST_CASE("a material that says nothing has the defaults of the specification")
     CHECK(m.specularColor == glm::vec3(1.0f));
     CHECK(m.anisotropy == 0.0f);
     CHECK(m.clearcoat == 0.0f);
+    CHECK(m.iridescence == 0.0f);
+    CHECK(m.iridescenceIor == 1.3f);
+    CHECK(m.iridescenceThicknessMinimum == 100.0f);
+    CHECK(m.iridescenceThicknessMaximum == 400.0f);
     CHECK(m.transmission == 0.0f);
     CHECK(m.thickness == 0.0f);
     CHECK(std::isinf(m.attenuationDistance));
@@ -89,6 +93,13 @@ TEST_CASE("every property of the supported material extensions is read")
           {"clearcoatTexture", {{"index", 0}}},
           {"clearcoatRoughnessTexture", {{"index", 1}}},
           {"clearcoatNormalTexture", {{"index", 0}, {"scale", 2}}}}},
+        {"KHR_materials_iridescence",
+         {{"iridescenceFactor", 0.5},
+          {"iridescenceIor", 1.75},
+          {"iridescenceThicknessMinimum", 550},
+          {"iridescenceThicknessMaximum", 50},
+          {"iridescenceTexture", {{"index", 1}}},
+          {"iridescenceThicknessTexture", {{"index", 0}}}}},
         {"KHR_materials_transmission", {{"transmissionFactor", 0.5}, {"transmissionTexture", {{"index", 1}}}}},
         {"KHR_materials_volume", {{"thicknessFactor", 0.01}, {"attenuationDistance", 0.006}, {"attenuationColor", {0.1, 0.5, 0.9}}}},
         {"KHR_materials_volume_scatter", {{"multiscatterColor", {0.8, 0.5, 0.25}}, {"scatterAnisotropy", -0.5}}},
@@ -113,6 +124,12 @@ TEST_CASE("every property of the supported material extensions is read")
     CHECK(m.clearcoatRoughnessTexture.texture == m.specularColorTexture.texture);
     CHECK(m.clearcoatNormalTexture.texture == m.specularTexture.texture);
     CHECK(m.clearcoatNormalScale == 2.0f);
+    CHECK(m.iridescence == 0.5f);
+    CHECK(m.iridescenceIor == 1.75f);
+    CHECK(m.iridescenceThicknessMinimum == 550.0f); // may lie above the maximum
+    CHECK(m.iridescenceThicknessMaximum == 50.0f);
+    CHECK(m.iridescenceTexture.texture == m.specularColorTexture.texture);
+    CHECK(m.iridescenceThicknessTexture.texture == m.specularTexture.texture);
     CHECK(m.transmission == 0.5f);
     CHECK(m.transmissionTexture.texture == m.specularColorTexture.texture);
     CHECK(m.thickness == 0.01f);
@@ -137,6 +154,18 @@ TEST_CASE("factors out of range are clamped with a warning that says where")
     CHECK(scene.materials[0].baseColor == glm::vec4(1, 0, 0, 1));
     CHECK(warns(scene, "materials[0].pbrMetallicRoughness.roughnessFactor"));
     CHECK(warns(scene, "materials[0].pbrMetallicRoughness.baseColorFactor"));
+}
+
+TEST_CASE("films that cannot be are mended with a warning, or refused")
+{
+    const auto film = [](const json& value) { return texturedQuad(extensions("KHR_materials_iridescence", value)).glb(); };
+    const MeshScene scene = load(film({{"iridescenceFactor", 2}, {"iridescenceIor", 0.5}, {"iridescenceThicknessMaximum", -1}}));
+    CHECK(scene.materials[0].iridescence == 1.0f);
+    CHECK(scene.materials[0].iridescenceIor == 1.0f);
+    CHECK(scene.materials[0].iridescenceThicknessMaximum == 0.0f);
+    for (const char* name : {"iridescenceFactor", "iridescenceIor", "iridescenceThicknessMaximum"}) CHECK(warns(scene, name));
+    checkRefused(film({{"iridescenceThicknessMinimum", "thin"}}), ErrorCode::kBadInput, {"iridescenceThicknessMinimum"});
+    checkRefused(film({{"iridescenceTexture", {{"index", 7}}}}), ErrorCode::kBadInput, {"iridescenceTexture"});
 }
 
 TEST_CASE("KHR_texture_transform: scale, then rotation, then offset; its example turns the lower left quarter clockwise")
