@@ -2,6 +2,9 @@
 
 #include "dataset/normalise.h"
 
+#include <algorithm>
+#include <iterator>
+
 namespace nacre {
 
 // Apparent reflectance (normalise.h). bigs is linear in light, but its start and its steps are not. Short bakes from few images learn
@@ -39,12 +42,12 @@ void absorbGain(SplatAsset& asset, double gain, const AssetFrame& stated)
 {
     if (!isLinear(asset.model)) return;
     asset.frame = stated;
+    constexpr struct { const char* name; size_t first; } kColors[] = {{"rho", 0}, {"s", 0}, {"tInd", 0}, {"lobe", 4}, {"forward", 1}}; // from which component on
     for (Channel& channel : asset.channels) {
-        const bool all = channel.name == "rho" || channel.name == "s" || channel.name == "tInd", lobe = channel.name == "lobe";
-        const size_t first = lobe ? 4 : 0; // after normal and sharpness comes its colour
-        if (!all && !lobe) continue;
+        const auto color = std::find_if(std::begin(kColors), std::end(kColors), [&](const auto& c) { return channel.name == c.name; });
+        if (color == std::end(kColors)) continue;
         for (size_t i = 0; i < channel.values.size(); ++i)
-            if (i % channel.components >= first) channel.values[i] = float(channel.values[i] * gain);
+            if (i % channel.components >= color->first) channel.values[i] = float(channel.values[i] * gain);
     }
 }
 

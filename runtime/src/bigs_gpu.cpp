@@ -1,19 +1,19 @@
 // bigs on the GPU. Radiance of every splat towards the camera, in three passes over small float textures (bigs.h has the equation):
 //   light    direct_t = falloff v_t max(T_dir, 0), v_t and sum_t I falloff max(T_ind, 0)                   of an instance, depends on lights
 //   view     a_i = sum_j c_ij y_j(w_o)                                                                     of a view, depends on its place
-//   combine  indirect + sum_t I_t (direct_t max(rho + sum_i a_i y_i(w_t), 0) + falloff v_t k lobe_t(w_o))  of a view, depends on both
-// All of it in asset space. Without s there is no view pass; without s and lobe nothing depends on the camera. Each pass runs only when
+//   combine  indirect + sum_t I_t (direct_t max(rho + sum_i a_i y_i(w_t), 0) + falloff v_t (k lobe_t(w_o) + f forward_t(w_o)))  of a view, depends on both
+// All of it in asset space. Without s there is no view pass; without s, lobe and forward nothing depends on the camera. Each pass runs only when
 // its inputs differ in any bit from those of its last run, the light pass for those groups of four lights whose inputs do.
 //
 // Textures beyond those of every model:
-//   asset      geometry    slots: rho+shadow; with a lobe also normal+sharpness, k
+//   asset      geometry    slots: rho+shadow; with a lobe also normal+sharpness, k; with forward also f+sharpness
 //              transport   RGBA16F  25 slots: T_ind rgb, T_dir
 //              scatter     RGBA16F  array, texel g * pairs + pair(i, j): c_ij rgb (all of a splat together: the view pass reads it 25 times)
 //              visibility  R8       array, texel (g * n + j) * n + i of the octahedral maps of n x n
 //   instance   direct, indirect     RGBA32F  light pass: one slot per four lights
-//              visible     RGBA16F  light pass: v of four lights per slot, for the lobe (v comes from bytes: half floats lose nothing of it)
+//              visible     RGBA16F  light pass: v of four lights per slot, for lobe and forward (v comes from bytes: half floats lose nothing of it)
 //   view       contracted  RGBA32F  view pass: every grid row of splats with s becomes one row per function of s
-// scatter and contracted exist only with s, visibility only with that channel, visible only with a lobe and something that hides lights.
+// scatter and contracted exist only with s, visibility only with that channel, visible only with a lobe or forward and something that hides lights.
 // Coefficients of SH are stored as half floats (relative error at most 2^-11), the lobe as float (half a normal would shift a sharp
 // highlight by a percent of its width), visibility as the bytes of the file.
 #include "appearance/bigs/bigs.h"
@@ -29,20 +29,22 @@ namespace nacre {
 
 namespace {
 
-enum BigsSlot { kRhoShadow = kCommonSlots, kNormalSharpness, kLobeColor, kBigsSlots };
+enum BigsSlot { kRhoShadow = kCommonSlots, kNormalSharpness, kLobeColor }; // forward has the next one that is free
 
 class BigsAsset final : public AssetModel {
 public:
     explicit BigsAsset(Asset& asset) : asset_(asset) {}
     Failure checkLayout(const SplatAsset& source) override;
     int mostSlots() const override { return kBigsTransportFunctions; }
-    int geometrySlots() const override { return (hasLobe ? int(kBigsSlots) : int(kNormalSharpness)) - int(kCommonSlots); }
+    int geometrySlots() const override { return forwardSlot() + int(hasForward) - int(kCommonSlots); }
     Failure upload(const SplatAsset& source, UploadQueue& queue) override;
     bool shadesPixels() const override { return false; }
     std::unique_ptr<InstanceModel> makeInstance(Instance& instance) override;
     Failure compileAhead(int mostLights) override;
 
-    bool hidesLights(bool occluded) const { return hasLobe && (hasVisibility || occluded); }
+    int forwardSlot() const { return hasLobe ? kLobeColor + 1 : int(kNormalSharpness); }
+    bool isSharp() const { return hasLobe || hasForward; }
+    bool hidesLights(bool occluded) const { return isSharp() && (hasVisibility || occluded); }
     int contractedRows() const { return sFunctions * int((scattering + size_t(asset_.grid.width) - 1) / size_t(asset_.grid.width)); }
     Failure lightProgram(bool occluded, const Program** program) const;
     Failure viewProgram(const Program** program) const;
@@ -50,7 +52,7 @@ public:
 
     int sFunctions = 0;
     size_t scattering = 0;     // so many splats, the first, have s
-    bool hasLobe = false, hasVisibility = false;
+    bool hasLobe = false, hasForward = false, hasVisibility = false;
     float brightest = 0;
     Texture transport, scatter, visibility;
 
@@ -140,7 +142,7 @@ float brightestOf(const SplatAsset& source)
     };
     constexpr float kLargestY = 1.8f, kFunctions = kBigsTransportFunctions;
     const float direct = kFunctions * kLargestY * most("tDir"), indirect = kFunctions * kLargestY * most("tInd");
-    return direct * (1 + most("s") * kFunctions * kLargestY) + indirect + most("lobe");
+    return direct * (1 + most("s") * kFunctions * kLargestY) + indirect + most("lobe") + most("forward");
 }
 
 Failure BigsAsset::checkLayout(const SplatAsset& source)
@@ -149,6 +151,7 @@ Failure BigsAsset::checkLayout(const SplatAsset& source)
     sFunctions = s ? bigsScatterFunctions(s->components) : 0;
     scattering = s ? s->rows(asset_.grid.count) : 0;
     hasLobe = source.find("lobe") != nullptr;
+    hasForward = source.find("forward") != nullptr;
     hasVisibility = source.find("visibility") != nullptr;
     brightest = brightestOf(source);
     for (const char* name : {"tDir", "tInd", "s"})
@@ -161,12 +164,17 @@ Failure BigsAsset::checkLayout(const SplatAsset& source)
 
 void BigsAsset::queueGeometry(const SplatAsset& source, UploadQueue& queue)
 {
-    const Channel &rho = *source.find("rho"), *shadow = source.find("shadow"), *lobe = source.find("lobe");
+    const Channel &rho = *source.find("rho"), *shadow = source.find("shadow"), *lobe = source.find("lobe"), *forward = source.find("forward");
     const Gl& gl = asset_.context.gl;
     queueSlot<float>(queue, gl, asset_.grid, asset_.geometry, kRhoShadow, [&rho, shadow](size_t g, float* t) {
         for (int c = 0; c < 3; ++c) t[c] = rho.values[3 * g + size_t(c)];
         t[3] = shadow ? shadow->values[g] : 1.0f;
     });
+    if (forward)
+        queueSlot<float>(queue, gl, asset_.grid, asset_.geometry, forwardSlot(), [forward](size_t g, float* t) {
+            const float* row = &forward->values[kBigsForwardFloats * g];
+            std::copy_n(row + 1, 3, t), t[3] = row[0];
+        });
     if (!lobe) return;
     queueSlot<float>(queue, gl, asset_.grid, asset_.geometry, kNormalSharpness,
                      [lobe](size_t g, float* t) { std::copy_n(&lobe->values[kBigsLobeFloats * g], 4, t); });
@@ -197,6 +205,7 @@ Failure BigsAsset::upload(const SplatAsset& source, UploadQueue& queue)
 std::string BigsAsset::defines(bool occluded) const
 {
     return define("VISIBILITY_SIZE", asset_.visibilitySize) + define("S_FUNCTIONS", sFunctions) + define("HAS_LOBE", int(hasLobe)) +
+           define("HAS_FORWARD", int(hasForward)) + define("FORWARD_SLOT", forwardSlot()) +
            define("HAS_VISIBILITY", int(hasVisibility)) + define("HAS_OCCLUSION", int(occluded)) + define("HAS_VISIBLE", int(hidesLights(occluded))) +
            define("LOBE_FACING", kBigsLobeFacing) + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kFetchLightGlsl + shaders::kVisibilityMapGlsl +
            shaders::kBigsGlsl;
@@ -402,7 +411,7 @@ Failure BigsView::relight(const InstanceFrame& frame, DrawList& list, const List
     const PassLog& passes = instance_.context.passes;
     const Inputs inputs{frame.camera, lit_.revision(), instance_.looksRevision, list.revision()};
     const bool view = model_.sFunctions > 0 && (contractedFrom_ != frame.camera || !passes.sure(contractedIn_));
-    const bool same = inputs.sameAs(combined_, model_.sFunctions > 0 || model_.hasLobe) && passes.sure(combinedIn_);
+    const bool same = inputs.sameAs(combined_, model_.sFunctions > 0 || model_.isSharp()) && passes.sure(combinedIn_);
     *done = same && !view;
     if (*done || !budget.take((1 + uint64_t(view)) * instance_.asset->grid.count)) return {};
     if (view)

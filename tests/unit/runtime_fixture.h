@@ -99,14 +99,14 @@ inline SplatAsset randomAsset(size_t count, int sFunctions, uint32_t seed, float
     return a;
 }
 
-enum SharpChannels { kLobe = 1, kVisibility = 2, kShadow = 4, kAllSharp = 7 };
+enum SharpChannels { kLobe = 1, kVisibility = 2, kShadow = 4, kForward = 8, kAllSharp = 15 };
 
 /// Adds the channels of `which`: random normals and colours, sharpness from 0.1 to `sharpest`, random maps and depths of shadow.
 inline SplatAsset withSharp(SplatAsset asset, int which, uint32_t seed, float sharpest = 1000)
 {
     std::mt19937 rng(seed);
     const auto uniform = [&](float lo, float hi) { return lo + (hi - lo) * float(rng() >> 8) * 0x1p-24f; };
-    Channel lobe{"lobe", kBigsLobeFloats, {}, {}}, visibility{"visibility", seed % 2 ? 256u : 1024u, {}, {}}, shadow{"shadow", 1, {}, {}};
+    Channel lobe{"lobe", kBigsLobeFloats, {}, {}}, visibility{"visibility", seed % 2 ? 256u : 1024u, {}, {}}, shadow{"shadow", 1, {}, {}}, forward{"forward", kBigsForwardFloats, {}, {}};
     for (size_t g = 0; g < asset.cloud.count; ++g) {
         const float z = uniform(-1, 1), phi = uniform(0, 6.2832f), r = std::sqrt(1 - z * z);
         const float sharpness = 0.1f * std::pow(10 * sharpest, uniform(0, 1));
@@ -114,10 +114,13 @@ inline SplatAsset withSharp(SplatAsset asset, int which, uint32_t seed, float sh
         for (int c = 0; c < 3; ++c) lobe.values.push_back(uniform(0, 2));
         for (uint32_t i = 0; i < visibility.components; ++i) visibility.bytes.push_back(uint8_t(rng() >> 24));
         shadow.values.push_back(uniform(0, 1));
+        forward.values.push_back(0.1f * std::pow(1000.0f, uniform(0, 1)));
+        for (int c = 0; c < 3; ++c) forward.values.push_back(uniform(0, 1));
     }
     if (which & kLobe) asset.channels.push_back(lobe);
     if (which & kVisibility) asset.channels.push_back(visibility);
     if (which & kShadow) asset.channels.push_back(shadow);
+    if (which & kForward) asset.channels.push_back(forward);
     return asset;
 }
 
@@ -180,11 +183,12 @@ inline glm::dvec3 bigsRadiance(const SplatAsset& asset, size_t g, const glm::dve
     const std::vector<double> tDir = row("tDir"), tInd = row("tInd"), rho = row("rho"), s = row("s");
     int functions = 0;
     while (3 * bigsPairCount(functions) < int(s.size())) ++functions;
-    const std::vector<double> lobe = row("lobe");
+    const std::vector<double> lobe = row("lobe"), forward = row("forward");
     const Channel* visibility = asset.find("visibility");
     const BigsCoefficients<double> k{tDir.data(), tInd.data(), rho.data(), s.data(), functions, lobe.empty() ? nullptr : lobe.data(),
                                      visibility ? VisibilityMap{&visibility->bytes[g * visibility->components], visibilitySize(visibility->components)} : VisibilityMap{},
-                                     asset.find("shadow") ? double(asset.find("shadow")->values[g]) : 1.0};
+                                     asset.find("shadow") ? double(asset.find("shadow")->values[g]) : 1.0,
+                                     forward.empty() ? nullptr : forward.data()};
     double y[25], a[75];
     shBasis(25, out.x, out.y, out.z, y);
     bigsContractView(k, y, a);

@@ -14,10 +14,10 @@ using namespace nacre;
 namespace {
 
 struct Coefficients {
-    std::vector<double> values; // as in training: tDir 25, tInd 75, rho 3, lobe 7 (normal of any length, log sharpness, k), shadow, s
+    std::vector<double> values; // as in training: tDir 25, tInd 75, rho 3, lobe 7 (normal of any length, log sharpness, k), shadow, forward 4, s
     int sFunctions;
     std::vector<uint8_t> map;   // visibility, or empty
-    mutable double lobe[7];     // as evaluated
+    mutable double lobe[7], forward[4]; // as evaluated
     explicit Coefficients(int sFunctions) : values(kScatter + 3 * bigsPairCount(sFunctions)), sFunctions(sFunctions) {}
     BigsCoefficients<double> view() const
     {
@@ -25,7 +25,9 @@ struct Coefficients {
         const double length = std::sqrt(lobe[0] * lobe[0] + lobe[1] * lobe[1] + lobe[2] * lobe[2]);
         for (int k = 0; k < 3; ++k) lobe[k] /= length;
         lobe[3] = std::exp(lobe[3]);
-        return {&values[0], &values[25], &values[100], values.data() + kScatter, sFunctions, lobe, {map.empty() ? nullptr : map.data()}, values[kShadow]};
+        std::copy_n(&values[kForward], 4, forward);
+        forward[0] = std::exp(forward[0]);
+        return {&values[0], &values[25], &values[100], values.data() + kScatter, sFunctions, lobe, {map.empty() ? nullptr : map.data()}, values[kShadow], forward};
     }
     BigsGradient<double> gradient() { return {&values[0], &values[25], &values[100], values.data() + kScatter}; }
 };
@@ -45,8 +47,8 @@ Coefficients randomCoefficients(std::mt19937_64& rng, int sFunctions)
     Coefficients g(sFunctions);
     for (double& v : g.values) v = 0.3 * n(rng);
     g.values[0] += 1.0;
-    for (int c = 0; c < 3; ++c) g.values[100 + c] = 0.4, g.values[25 + c] += 0.5, g.values[kLobeColor + c] = 0.5 + 0.2 * c;
-    g.values[kLobe + 2] += 1.0, g.values[kLobeSharpness] = 1.5 + g.values[kLobeSharpness], g.values[kShadow] = 0.8;
+    for (int c = 0; c < 3; ++c) g.values[100 + c] = 0.4, g.values[25 + c] += 0.5, g.values[kLobeColor + c] = 0.5 + 0.2 * c, g.values[kForward + 1 + c] = 0.7 - 0.2 * c;
+    g.values[kLobe + 2] += 1.0, g.values[kLobeSharpness] = 1.5 + g.values[kLobeSharpness], g.values[kShadow] = 0.8, g.values[kForward] += 1.0;
     g.map.resize(kVisibilityTexels); // smooth and away from the ends of the slope
     for (int t = 0; t < kVisibilityTexels; ++t) g.map[size_t(t)] = uint8_t(127 + 20 * std::sin(0.4 * (t % kVisibilitySize)) - 8 * std::cos(0.3 * (t / kVisibilitySize)));
     return g;
@@ -96,7 +98,7 @@ TEST_CASE("bigs gradient matches finite differences for every coefficient, with 
             bigsTermsBackward(sFunctions, dir.yView, dir.yLight, d, out);
             bigsEnergyBackward(g.view(), dir.yLight, energy, out);
             for (size_t k = 0; k < g.values.size(); ++k) {
-                if (k >= size_t(kLobe) && k <= size_t(kShadow)) continue; // of bigsSharpBackward, below
+                if (k >= size_t(kLobe) && k < size_t(kScatter)) continue; // of bigsSharpBackward, below
                 Coefficients lo = g, hi = g;
                 lo.values[k] -= 1e-6, hi.values[k] += 1e-6;
                 CHECK(gradient.values[k] == doctest::Approx((loss(hi) - loss(lo)) / 2e-6).epsilon(1e-6).scale(1.0));
@@ -124,7 +126,7 @@ TEST_CASE("the leaky clamp lets descent raise a negative value and nothing else"
     CHECK(d.direct == 0);
 }
 
-TEST_CASE("gradient of lobe and shadow matches finite differences")
+TEST_CASE("gradient of lobe, shadow and forward light matches finite differences")
 {
     std::mt19937_64 rng(4);
     int lit = 0;
@@ -142,9 +144,10 @@ TEST_CASE("gradient of lobe and shadow matches finite differences")
         bigsSharpBackward(g.view(), bigsTerms<double>(g.view(), nullptr, dir.yLight), dir.wo, dir.wi, weights, d);
         const double* n = &g.values[kLobe];
         const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-        const double analytic[8] = {d.normal[0] / length, d.normal[1] / length, d.normal[2] / length, d.logSharpness, d.color[0], d.color[1], d.color[2], d.shadow};
+        const double analytic[12] = {d.normal[0] / length, d.normal[1] / length, d.normal[2] / length, d.logSharpness, d.color[0], d.color[1], d.color[2], d.shadow,
+                                     d.forwardLogSharpness, d.forwardColor[0], d.forwardColor[1], d.forwardColor[2]};
         lit += d.color[0] != 0;
-        for (int k = 0; k < 8; ++k) {
+        for (int k = 0; k < 12; ++k) {
             Coefficients hi = g, lo = g;
             const double step = 1e-6;
             hi.values[size_t(kLobe + k)] += step, lo.values[size_t(kLobe + k)] -= step;
@@ -240,7 +243,7 @@ struct Scene {
         lit.lights[1].position = geometry[0].position[0] + glm::vec3(0), lit.lights[1].radius = 0.5f; // may lie inside its radius
         lit.lights[2].type = LightType::kDirectional, lit.lights[2].directionToLight = glm::normalize(glm::vec3(1, -1, 0.5f));
         bands.scatter = sFunctions;
-        bands.lobe = true;
+        bands.lobe = bands.forward = true;
     }
     Coefficients coefficients(size_t i) const
     {
@@ -310,10 +313,10 @@ TEST_CASE("where s is left out it is and stays zero; nothing else changes, neith
         BigsUpdate update;
         for (float& r : update.rate) r = 0.01f;
         update.positiveWeight = 0.02f, update.energyWeight = 0.03f;
-        BigsLobeGradients lobe;
+        BigsLobeGradients lobe, forward;
         bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, {}, colors.data(), terms.data());
         bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, {}, std::vector<uint8_t>(scene.visible, 1).data(), dColors.data(),
-                            terms.data(), update, lobe);
+                            terms.data(), update, lobe, forward);
         return std::pair(scene.parameters, colors);
     };
     const auto [out, outColors] = step(true);
@@ -416,9 +419,9 @@ TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam d
         for (float& r : update.rate) r = 0.01f;
         update.positiveWeight = 0.02f, update.energyWeight = 0.03f;
         const BigsRandomLight random{true, {0.6f, 0, 0.8f}};
-        BigsLobeGradients lobe;
+        BigsLobeGradients lobe, forward;
         bigsForward(scene.parameters, scene.view(), scene.lit, scene.bands, random, colors.data(), terms.data());
-        bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, random, active.data(), dColors.data(), terms.data(), update, lobe);
+        bigsBackwardAndStep(scene.parameters, scene.view(), scene.lit, scene.bands, random, active.data(), dColors.data(), terms.data(), update, lobe, forward);
 
         for (size_t i = 0; i < Scene::kCount; ++i) {
             CAPTURE(i);
@@ -476,6 +479,11 @@ TEST_CASE("the fused SIMD step equals gradient, grouped second moment and Adam d
             const double scale = std::abs(sharp.logSharpness) + std::abs(sharp.color[0]) + std::abs(sharp.color[1]) + std::abs(sharp.color[2]) + 1e-3;
             CHECK(std::abs(lobe.gradient[4 * i] - sharp.logSharpness) < 1e-4 * scale);
             for (int c = 0; c < 3; ++c) CHECK(std::abs(lobe.gradient[4 * i + 1 + size_t(c)] - sharp.color[c]) < 1e-4 * scale);
+            CHECK(forward.active[i] == 1);
+            const double* f = sharp.forwardColor;
+            const double forwardScale = std::abs(sharp.forwardLogSharpness) + std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]) + 1e-3;
+            CHECK(std::abs(forward.gradient[4 * i] - sharp.forwardLogSharpness) < 1e-4 * forwardScale);
+            for (int c = 0; c < 3; ++c) CHECK(std::abs(forward.gradient[4 * i + 1 + size_t(c)] - f[c]) < 1e-4 * forwardScale);
             std::vector<double> withoutEnergy = gradient.values;
             Coefficients energyOnly(sFunctions);
             BigsGradient<double> energyOut = energyOnly.gradient();

@@ -38,10 +38,12 @@ NACRE_HD inline void bigsPositiveBackward(const BigsTerms<T>& t, T weight, BigsT
     for (int c = 0; c < 3; ++c) d.scatter[c] += slope(t.scatter[c]), d.indirect[c] += slope(t.indirect[c]);
 }
 
-/// Gradient of the sharp terms: of the shadow, and of the lobe's normal (as a unit vector: tangential), log sharpness and k.
+/// Gradient of the sharp terms: of the shadow, of the lobe's normal (as a unit vector: tangential), log sharpness and k, and of the logarithm of
+/// the sharpness and the colour of what goes on forward.
 template <class T>
 struct BigsSharpGradient {
     T shadow = T(0), normal[3] = {T(0), T(0), T(0)}, logSharpness = T(0), color[3] = {T(0), T(0), T(0)};
+    T forwardLogSharpness = T(0), forwardColor[3] = {T(0), T(0), T(0)};
 };
 
 /// Adds the gradient of one light. dTransport as above.
@@ -51,12 +53,20 @@ NACRE_HD inline void bigsSharpBackward(const BigsCoefficients<T>& g, const BigsT
 {
     const T zero = T(0), dark = g.visibility.texels ? T(1) - mapVisibility(g.visibility, wi) : zero, visible = T(1) - g.shadow * dark;
     const T direct = t.direct > zero ? t.direct : zero, shape = g.lobe ? bigsLobe(g.lobe, wo, wi) : zero;
-    T dShape = zero;
+    const T ahead = g.forward ? bigsForward(g.forward[0], wo, wi) : zero;
+    T dShape = zero, dAhead = zero;
     for (int c = 0; c < 3; ++c) {
         const T k = g.lobe ? g.lobe[4 + c] : zero, scatter = t.scatter[c] > zero ? t.scatter[c] : zero;
-        d.shadow -= dTransport[c] * dark * (direct * scatter + k * shape);
+        const T f = g.forward ? g.forward[1 + c] : zero;
+        d.shadow -= dTransport[c] * dark * (direct * scatter + k * shape + f * ahead);
+        d.forwardColor[c] += dTransport[c] * visible * ahead;
+        dAhead += dTransport[c] * visible * f;
         d.color[c] += dTransport[c] * visible * shape;
         dShape += dTransport[c] * visible * k;
+    }
+    if (g.forward) { // ahead = u^(3/2), u = 1 / (1 + q)
+        const T q = g.forward[0] * (T(1) + wo[0] * wi[0] + wo[1] * wi[1] + wo[2] * wi[2]);
+        d.forwardLogSharpness -= T(1.5) * dAhead * ahead * q / (T(1) + q);
     }
     if (shape == zero) return;
     // shape = u^2 front, u = 1 / (1 + q (1 - cos^2)), cos = n.h

@@ -31,6 +31,7 @@ constexpr ChannelRow kChannels[] = {
     {"rho", kRho, 3, kGroupRho, kGroupRho, 5e-3f},
     {"lobe", kLobe, kBigsLobeFloats, kGroupNormal, kGroupNormal, 1e-2f},
     {"shadow", kShadow, 1, kGroupShadow, kGroupShadow, 2e-2f},
+    {"forward", kForward, kBigsForwardFloats, kGroupShadow, kGroupShadow, 2e-2f},
     {"s", kScatter, 0, kGroupScatter0, BigsGroup(kBigsGroups - 1), 1e-3f},
 };
 constexpr float kRateSharpness = 6e-2f /* of its logarithm */, kRateLobeColor = 5e-2f;
@@ -59,6 +60,7 @@ constexpr float kShareRate = 0.032f;
 constexpr float kInitialSharpness = 15, kInitialRho = 0.3f, kInitialLobeColor = 0.05f;
 // A darker object starts darker: else its splats fade before their colour has become dark, and do not come back.
 constexpr float kUsualBrightness = 0.4f, kLeastStart = 0.02f;
+constexpr float kInitialForwardSharpness = 4, kMinLogForward = -1, kMaxLogForward = 5; // g of Henyey and Greenstein 0.16 up to 0.89
 constexpr float kMinLogSharpness = 0.7f, kMaxLogSharpness = 7.0f; // GGX roughness (square root of alpha) 0.76 down to 0.17
 constexpr float kPositiveWeight = 0.01f, kEnergyWeight = 0.01f;
 
@@ -69,11 +71,11 @@ public:
     explicit BigsModel(const AppearanceOptions& options)
     {
         const auto with = [&](const char* part) { return std::find(options.without.begin(), options.without.end(), part) == options.without.end(); };
-        lobeOn_ = with("lobe"), visibilityOn_ = with("visibility");
+        lobeOn_ = with("lobe"), forwardOn_ = with("forward"), visibilityOn_ = with("visibility");
         sharing_ = with("sharing"), scheduled_ = with("schedule");
         nearLights_ = options.pointLights;
         start_ = std::clamp(options.brightness / kUsualBrightness, kLeastStart, 1.0f);
-        shared_ = SharedAdam(sharing_ && scheduled_);
+        shared_ = sharedForward_ = SharedAdam(sharing_ && scheduled_);
         parameters_.sFunctions = bands_.scatter = scatterFunctions_ = with("s") ? options.scatterFunctions : 0; // all in use until beginStep says otherwise
     }
 
@@ -85,9 +87,10 @@ public:
         parameters_.resize(count);
         for (size_t i = old; i < count; ++i) {
             at(i, kTDir) = 0.5f / 0.28209479f; // T_dir = 0.5 in every direction
-            for (int c = 0; c < 3; ++c) at(i, kRho + c) = start_ * kInitialRho, at(i, kLobeColor + c) = start_ * kInitialLobeColor;
+            for (int c = 0; c < 3; ++c) at(i, kRho + c) = start_ * kInitialRho, at(i, kLobeColor + c) = at(i, kForward + 1 + c) = start_ * kInitialLobeColor;
             at(i, kLobe + 2) = 1.0f;
             at(i, kLobeSharpness) = std::log(kInitialSharpness);
+            at(i, kForward) = std::log(kInitialForwardSharpness);
             at(i, kShadow) = 1.0f;
         }
     }
@@ -97,7 +100,7 @@ public:
     void permute(std::span<const uint32_t> order) override
     {
         parameters_.permute(order);
-        shared_.reset();
+        shared_.reset(), sharedForward_.reset();
         neighbours_.clear();
     }
 
@@ -114,6 +117,7 @@ public:
         const int due = renewalsDue(progress);
         if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > renewed_ && progress < kNormalsUntil))) findNormals(geometry);
         bands_.lobe = lobeOn_ && normalsKnown_;
+        bands_.forward = forwardOn_ && progress >= kSharpStart;
         if (visibilityOn_ && due > renewed_) parameters_.visibility = drawnVisibility(geometry);
         renewed_ = due;
         if (!visibilityOn_ && !transportStarted_ && progress >= kTransportStart) startTransport(geometry);
@@ -142,8 +146,9 @@ public:
 
     void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dColors) override
     {
-        bigsBackwardAndStep(parameters_, view, lit, bands_, random_, active, dColors, terms_.data(), update_, lobeGradients_);
-        if (bands_.lobe) stepSharedLobe();
+        bigsBackwardAndStep(parameters_, view, lit, bands_, random_, active, dColors, terms_.data(), update_, lobeGradients_, forwardGradients_);
+        if (bands_.lobe) stepShared(shared_, lobeGradients_, kLobeSharpness, kMinLogSharpness, kMaxLogSharpness);
+        if (bands_.forward) stepShared(sharedForward_, forwardGradients_, kForward, kMinLogForward, kMaxLogForward);
     }
 
     std::vector<OptionalPart> optionalParts() const override
@@ -151,6 +156,7 @@ public:
         std::vector<OptionalPart> parts;
         if (parameters_.sFunctions > 0) parts.push_back({"s", kScatterJudgedAt, kScatterWorth, true});
         if (lobeOn_ && normalsKnown_) parts.push_back({"lobe", kSharpJudgedAt, kSharpWorth});
+        if (bands_.forward) parts.push_back({"forward", kSharpJudgedAt, kSharpWorth});
         if (!parameters_.visibility.empty()) parts.push_back({"visibility", kSharpJudgedAt, kSharpWorth});
         return parts;
     }
@@ -162,6 +168,7 @@ public:
             else parameters_.keepScatter(kept);
         }
         if (part == "lobe") lobeOn_ = bands_.lobe = false;
+        if (part == "forward") forwardOn_ = bands_.forward = false;
         if (part == "visibility") visibilityOn_ = false, parameters_.visibility.clear();
     }
 
@@ -170,13 +177,15 @@ public:
         const bool shaded = !parameters_.visibility.empty();
         std::vector<Channel> channels;
         for (const ChannelRow& row : kChannels) {
-            const bool used = row.first == kLobe ? lobeOn_ && normalsKnown_ : row.first == kShadow ? shaded : true;
+            const bool used = row.first == kLobe ? lobeOn_ && normalsKnown_ : row.first == kForward ? bands_.forward : row.first == kShadow ? shaded : true;
             const int components = row.components > 0 ? row.components : parameters_.coefficients() - row.first;
             if (!used || components == 0) continue;
             Channel c{row.name, uint32_t(components), std::vector<float>(parameters_.count * size_t(components)), {}};
             for (size_t i = 0; i < parameters_.count; ++i)
                 for (int k = 0; k < components; ++k) c.values[i * size_t(components) + size_t(k)] = at(i, row.first + k);
             if (row.first == kLobe) finishLobes(c.values);
+            if (row.first == kForward)
+                for (size_t i = 0; i < c.values.size(); i += kBigsForwardFloats) c.values[i] = std::exp(c.values[i]);
             channels.push_back(std::move(c));
         }
         if (shaded) channels.push_back({"visibility", kVisibilityTexels, {}, parameters_.visibility});
@@ -191,8 +200,8 @@ public:
         out.array(parameters_.scatters);
         out.value(normalsKnown_), out.value(lobeOn_), out.value(visibilityOn_), out.value(transportStarted_), out.value(int32_t(renewed_));
         for (int functions : {bands_.direct, bands_.indirect, bands_.scatter}) out.value(int32_t(functions)); // a view may be drawn before the next step
-        out.value(bands_.lobe);
-        shared_.save(out);
+        out.value(bands_.lobe), out.value(forwardOn_), out.value(bands_.forward);
+        shared_.save(out), sharedForward_.save(out);
         out.array(neighbours_);
     }
 
@@ -206,10 +215,10 @@ public:
         normalsKnown_ = in.value<bool>(), lobeOn_ = in.value<bool>(), visibilityOn_ = in.value<bool>(), transportStarted_ = in.value<bool>(), renewed_ = in.value<int32_t>();
         BigsBands bands;
         for (int* functions : {&bands.direct, &bands.indirect, &bands.scatter}) *functions = in.value<int32_t>();
-        bands.lobe = in.value<bool>();
+        bands.lobe = in.value<bool>(), forwardOn_ = in.value<bool>(), bands.forward = in.value<bool>();
         const auto in25 = [](int functions, int least) { return functions >= least && functions <= 25; };
         if (!in25(bands.direct, 1) || !in25(bands.indirect, 1) || !in25(bands.scatter, 0) || bands.scatter > p.sFunctions) return false;
-        if (!shared_.load(in, p.count)) return false;
+        if (!shared_.load(in, p.count) || !sharedForward_.load(in, p.count)) return false;
         std::vector<uint32_t> neighbours;
         in.array(neighbours);
         if (!neighbours.empty() && neighbours.size() != p.count * kSplatNeighbours) return false;
@@ -278,13 +287,14 @@ private:
         shareIndirect(parameters_, neighbours_, bands_.indirect, kShareRate, shareScratch_);
     }
 
-    void stepSharedLobe()
+    // first: the logarithm of the sharpness, and behind it the colour.
+    void stepShared(SharedAdam& adam, const BigsLobeGradients& gradients, int first, float least, float most)
     {
-        const std::span<const float> steps = shared_.step(lobeGradients_.gradient, lobeGradients_.active, sharedRates_);
+        const std::span<const float> steps = adam.step(gradients.gradient, gradients.active, sharedRates_);
         for (size_t i = 0; i < parameters_.count; ++i) {
-            if (!lobeGradients_.active[i]) continue;
-            at(i, kLobeSharpness) = std::clamp(at(i, kLobeSharpness) - steps[4 * i], kMinLogSharpness, kMaxLogSharpness);
-            for (int c = 0; c < 3; ++c) at(i, kLobeColor + c) = std::max(0.0f, at(i, kLobeColor + c) - steps[4 * i + 1 + size_t(c)]);
+            if (!gradients.active[i]) continue;
+            at(i, first) = std::clamp(at(i, first) - steps[4 * i], least, most);
+            for (int c = 0; c < 3; ++c) at(i, first + 1 + c) = std::max(0.0f, at(i, first + 1 + c) - steps[4 * i + 1 + size_t(c)]);
         }
     }
 
@@ -302,12 +312,12 @@ private:
     BigsParameters parameters_;
     int scatterFunctions_ = 0;          // of s, unless it has been left out
     float start_ = 1;                   // brightness of a new splat, of the usual
-    SharedAdam shared_;
+    SharedAdam shared_, sharedForward_;
     SharedAdam::Rates sharedRates_;
-    BigsLobeGradients lobeGradients_;
+    BigsLobeGradients lobeGradients_, forwardGradients_;
     std::vector<uint32_t> neighbours_;  // splatNeighbours; empty: splats have changed places
     std::vector<float> shareScratch_;
-    bool normalsKnown_ = false, lobeOn_ = true, visibilityOn_ = true, sharing_ = true, scheduled_ = true;
+    bool normalsKnown_ = false, lobeOn_ = true, forwardOn_ = true, visibilityOn_ = true, sharing_ = true, scheduled_ = true;
     std::vector<uint8_t> ahead_;        // visibility, by prepareStep
     std::vector<glm::vec3> nearLights_; // of training; those that matter are found among them
     bool transportStarted_ = false;     // T_dir has its start

@@ -199,6 +199,31 @@ struct Lobe {
     }
 };
 
+// Twin of bigsForward and its part of bigsSharpBackward.
+struct Forward {
+    V sharpness, color[3];
+
+    explicit Forward(const float* value)
+    {
+        const D d;
+        sharpness = exp2(d, hn::Mul(set(1.44269504f), hn::Load(d, value + kForward * kLanes16)));
+        for (int c = 0; c < 3; ++c) color[c] = hn::Load(d, value + (kForward + 1 + c) * kLanes16);
+    }
+
+    struct Shape {
+        V q, u, shape; // q = sharpness (1 + wo.wi)
+    };
+    Shape at(const V* toEye, const V* toLight) const
+    {
+        Shape s;
+        s.q = hn::Mul(sharpness, hn::Max(hn::Add(set(1), dot(toEye, toLight)), zero()));
+        s.u = hn::Div(set(1), hn::Add(set(1), s.q));
+        s.shape = hn::Mul(s.u, hn::Sqrt(s.u));
+        return s;
+    }
+    static V logSharpness(const Shape& s, V dShape) { return hn::Mul(hn::Mul(set(-1.5f), dShape), hn::Mul(s.shape, hn::Mul(s.u, s.q))); }
+};
+
 // a[i][c] = sum_j c_ij,c y_j(w_o), twin of bigsContractView.
 void contractView(const float* s, int functions, const V* yView, V* a)
 {
@@ -279,12 +304,14 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
         const float* value = parameters.value.data() + block * parameters.coefficients() * kLanes16 + lane;
         evaluateTermsAny(lights, value, bands, dir, t);
         const Lobe lobe(value);
+        const Forward forward(value);
         const V shadow = hn::Load(d, value + kShadow * kLanes16);
         for (int l = 0; l < lights; ++l) {
-            V dark = zero(), shape = zero();
+            V dark = zero(), shape = zero(), ahead = zero();
             if (l < view.lightCount) {
                 if (!parameters.visibility.empty()) dark = darkness(parameters, in, lane, dir.toLight[l]);
                 if (bands.lobe) shape = lobe.at(dir.toEye, dir.toLight[l]).shape;
+                if (bands.forward) ahead = forward.at(dir.toEye, dir.toLight[l]).shape;
             }
             const V lit = hn::NegMulAdd(shadow, dark, set(1));
             float* kept = terms + (block * kBigsTermStride + size_t(kTermsPerLight) * l) * kLanes16 + lane;
@@ -292,7 +319,8 @@ void forwardBlock(const BigsParameters& parameters, size_t block, const BlockInp
             hn::Store(dark, d, kept + 7 * kLanes16);
             for (int c = 0; c < 3; ++c) {
                 if (l < view.lightCount) {
-                    const V sharp = hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), hn::Mul(lobe.color[c], shape));
+                    const V lobes = hn::MulAdd(forward.color[c], ahead, hn::Mul(lobe.color[c], shape));
+                    const V sharp = hn::MulAdd(hn::Max(t[l].direct, zero()), hn::Max(t[l].scatter[c], zero()), lobes);
                     const V transport = hn::MulAdd(lit, sharp, hn::Max(t[l].indirect[c], zero()));
                     hn::Store(hn::Mul(hn::Mul(transport, dir.falloff[l]), set(view.lights[l].intensity[c])), d, lanes[3 * l + c]);
                 }
@@ -345,7 +373,7 @@ HWY_INLINE V gate(V value, V gradient)
 
 void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& in, const uint8_t* active, const LitView& view,
                    const BigsBands& bands, const BigsRandomLight& random, const float* dColors, const float* terms, const BigsUpdate& update,
-                   BigsLobeGradients& lobeGradients)
+                   BigsLobeGradients& lobeGradients, BigsLobeGradients& forwardGradients)
 {
     const D d;
     const int lights = view.lightCount + (random.on ? 1 : 0);
@@ -376,8 +404,10 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
         evaluateDirections(in, lane, view, random, dir);
         Terms t[kMaxLightsPerStep + 1], g[kMaxLightsPerStep + 1];
         const Lobe lobe(value);
+        const Forward forward(value);
         const V shadow = hn::Load(d, value + kShadow * kLanes16);
         V dShadow = zero(), dNormal[3] = {zero(), zero(), zero()}, dLogSharpness = zero(), dLobeColor[3] = {zero(), zero(), zero()};
+        V dForwardSharpness = zero(), dForwardColor[3] = {zero(), zero(), zero()};
         for (int l = 0; l < lights; ++l) {
             t[l].direct = term(l, 0);
             for (int c = 0; c < 3; ++c) {
@@ -408,6 +438,16 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
                 }
                 dShadow = hn::NegMulAdd(dark, hn::Mul(dShape, s.shape), dShadow);
                 lobe.backward(s, dir.toLight[l], hn::Mul(dShape, lit), dNormal, &dLogSharpness);
+            }
+            if (bands.forward && l < view.lightCount) {
+                const Forward::Shape s = forward.at(dir.toEye, dir.toLight[l]);
+                V dShape = zero();
+                for (int c = 0; c < 3; ++c) {
+                    dForwardColor[c] = hn::MulAdd(hn::Mul(dTransport[c], lit), s.shape, dForwardColor[c]);
+                    dShape = hn::MulAdd(dTransport[c], forward.color[c], dShape);
+                }
+                dShadow = hn::NegMulAdd(dark, hn::Mul(dShape, s.shape), dShadow);
+                dForwardSharpness = hn::Add(dForwardSharpness, Forward::logSharpness(s, hn::Mul(dShape, lit)));
             }
             if (update.positiveWeight > 0) {
                 const V w = set(2 * update.positiveWeight);
@@ -481,19 +521,23 @@ void backwardBlock(BigsParameters& parameters, size_t block, const BlockInput& i
             }
         }
 
-        if (bands.lobe) {
-            for (int k = 0; k < 3; ++k) gradient[k] = dNormal[k];
-            if (update.rate[kGroupNormal] > 0) stepGroup(kGroupNormal, kLobe, 3);
+        const auto keepGradients = [&](BigsLobeGradients& kept, V dSharpness, const V* dColor) {
             alignas(64) float out[4][kN];
-            hn::Store(dLogSharpness, d, out[0]);
-            for (int c = 0; c < 3; ++c) hn::Store(dLobeColor[c], d, out[1 + c]);
+            hn::Store(dSharpness, d, out[0]);
+            for (int c = 0; c < 3; ++c) hn::Store(dColor[c], d, out[1 + c]);
             for (int k = 0; k < kN; ++k) {
                 const size_t splat = in.first + size_t(lane + k);
                 if (scratchOn[k] == 0.0f) continue;
-                lobeGradients.active[splat] = 1;
-                for (int j = 0; j < 4; ++j) lobeGradients.gradient[4 * splat + size_t(j)] = out[j][k];
+                kept.active[splat] = 1;
+                for (int j = 0; j < 4; ++j) kept.gradient[4 * splat + size_t(j)] = out[j][k];
             }
+        };
+        if (bands.lobe) {
+            for (int k = 0; k < 3; ++k) gradient[k] = dNormal[k];
+            if (update.rate[kGroupNormal] > 0) stepGroup(kGroupNormal, kLobe, 3);
+            keepGradients(lobeGradients, dLogSharpness, dLobeColor);
         }
+        if (bands.forward) keepGradients(forwardGradients, dForwardSharpness, dForwardColor);
         if (!parameters.visibility.empty() && update.rate[kGroupShadow] > 0) {
             gradient[0] = dShadow;
             stepGroup(kGroupShadow, kShadow, 1);
@@ -645,13 +689,14 @@ void bigsForward(const BigsParameters& parameters, const VisibleView& view, cons
 
 void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
                          const BigsRandomLight& random, const uint8_t* active, const float* dColors, const float* terms,
-                         const BigsUpdate& update, BigsLobeGradients& lobe)
+                         const BigsUpdate& update, BigsLobeGradients& lobe, BigsLobeGradients& forward)
 {
-    if (bands.lobe) lobe.gradient.assign(4 * parameters.count, 0.0f), lobe.active.assign(parameters.count, 0);
+    if (bands.lobe) lobe.clear(parameters.count);
+    if (bands.forward) forward.clear(parameters.count);
     const auto run = HWY_DYNAMIC_DISPATCH(backwardBlock);
     tbb::parallel_for(size_t(0), parameters.blocks(), [&](size_t block) {
         const BlockInput in = gatherBlock(block, view);
-        if (in.any) run(parameters, block, in, active, lit, bandsOf(parameters, block, bands), random, dColors, terms, update, lobe);
+        if (in.any) run(parameters, block, in, active, lit, bandsOf(parameters, block, bands), random, dColors, terms, update, lobe, forward);
     });
 }
 

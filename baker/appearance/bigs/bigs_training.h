@@ -1,7 +1,7 @@
 // bigs on the training side: coefficients of all splats, evaluated and updated with SIMD over splats.
 //
 // Layout: blocks of 16 splats, one cache line per coefficient: value[(block * coefficients + k) * 16 + lane]. Coefficients in the order
-// tDir 25, tInd 25x3, rho 3, lobe 7 (normal of any length, log sharpness, k rgb), shadow 1, s pairs x3. The gradient is never stored: the
+// tDir 25, tInd 25x3, rho 3, lobe 7 (normal of any length, log sharpness, k rgb), shadow 1, forward 4 (log sharpness, f rgb), s pairs x3. The gradient is never stored: the
 // Adam step follows in registers. Adam keeps a momentum per coefficient but one second moment per splat and group (tDir, tInd, rho, each
 // degree of s): a third less traffic in a step that is bound by memory, and noise averaged over the group. Only sharpness and k are
 // stepped elsewhere (SharedAdam): few images show a splat its highlight, so neighbours learn together.
@@ -21,7 +21,7 @@ namespace nacre {
 constexpr int kLanes16 = 16;
 constexpr size_t kColorStride = channelStride(3 * kMaxLightsPerStep); // floats per visible splat of colours and their gradients
 
-constexpr int kTDir = 0, kTInd = 25, kRho = 100, kLobe = 103, kShadow = 110, kScatter = 111; // first coefficient of each channel
+constexpr int kTDir = 0, kTInd = 25, kRho = 100, kLobe = 103, kShadow = 110, kForward = 111, kScatter = 115; // first coefficient of each channel
 constexpr int kLobeSharpness = kLobe + 3, kLobeColor = kLobe + 4;
 
 enum BigsGroup { kGroupDirect, kGroupIndirect, kGroupRho, kGroupNormal, kGroupShadow, kGroupScatter0, kBigsGroups = kGroupScatter0 + 5 };
@@ -51,7 +51,7 @@ struct BigsParameters {
 /// How many SH functions of each channel are in use (bands are switched on one after the other), and whether the lobe is.
 struct BigsBands {
     int direct = 25, indirect = 25, scatter = 0;
-    bool lobe = false;
+    bool lobe = false, forward = false;
 };
 
 /// One direction more, without radiance, at which the regularisers are evaluated (BiGS section 5.1).
@@ -73,6 +73,7 @@ constexpr int kBigsTermStride = 40;   // floats per splat: 8 per light and for t
 struct BigsLobeGradients {
     std::vector<float> gradient;
     std::vector<uint8_t> active;
+    void clear(size_t count) { gradient.assign(4 * count, 0.0f), active.assign(count, 0); }
 };
 
 /// Colours (radiance) of the visible splats: colors[visible][kColorStride], three per light. Keeps the unclamped terms
@@ -81,9 +82,9 @@ void bigsForward(const BigsParameters& parameters, const VisibleView& view, cons
                  const BigsRandomLight& random, float* colors, float* terms);
 
 /// One Adam step of every visible splat with active[visible] != 0 from dColors[visible][kColorStride], after bigsForward of the same arguments.
-/// With bands.lobe, overwrites `lobe`.
+/// Overwrites `lobe` with bands.lobe, `forward` with bands.forward.
 void bigsBackwardAndStep(BigsParameters& parameters, const VisibleView& view, const LitView& lit, const BigsBands& bands,
                          const BigsRandomLight& random, const uint8_t* active, const float* dColors, const float* terms,
-                         const BigsUpdate& update, BigsLobeGradients& lobe);
+                         const BigsUpdate& update, BigsLobeGradients& lobe, BigsLobeGradients& forward);
 
 } // namespace nacre

@@ -40,6 +40,13 @@ void shBasis(const int count, vec3 d, out float y[25])
     }
 }
 
+// bigsForward: Henyey and Greenstein's phase function, 1 straight ahead.
+float bigsForward(float sharpness, vec3 wo, vec3 wi)
+{
+    float u = 1.0 / (1.0 + max(sharpness, 0.0) * max(1.0 + dot(wo, wi), 0.0));
+    return u * sqrt(u);
+}
+
 // bigsLobe: GGX of the half vector, 1 at its peak unless widened, times min(4 n.wi, 1).
 float bigsLobe(vec4 normalSharpness, vec3 wo, vec3 wi, float widening)
 {

@@ -1,15 +1,16 @@
 // bigs: bidirectional Gaussian primitives (BiGS, eq. 6, 7, 9, 11) with two additions for what SH of degree 4 cannot hold, hard shadows
 // and highlights. The scalar reference of the evaluator. Host and device.
 //
-//   L(w_o) = sum_t E_t * [ v(w_t) * ( max(T_dir(w_t), 0) * max(rho + s(w_t, w_o), 0) + k * lobe(w_t, w_o) ) + max(T_ind(w_t), 0) ]
+//   L(w_o) = sum_t E_t * [ v(w_t) * ( max(T_dir(w_t), 0) * max(rho + s(w_t, w_o), 0) + k * lobe(w_t, w_o) + f * forward(w_t, w_o) ) + max(T_ind(w_t), 0) ]
 //
 // w_t points from the Gaussian to light t, w_o from the Gaussian to the camera; E_t is the irradiance (rgb).
 // T_dir and T_ind are SH of degree 4 in w_t. s is a symmetric form s(w_t, w_o) = sum_ab c_ab y_a(w_t) y_b(w_o), c_ab = c_ba,
 // on the first `sFunctions` SH, stored as the pairs a <= b at b(b+1)/2 + a: fewer functions are a prefix.
 // lobe: the GGX distribution of the half vector about the splat's normal, 1 at its peak; k is its colour there (bigsLobe).
+// forward: what goes on nearly straight, as through hairs and leaves, 1 straight ahead; f is its colour there (bigsForward).
 // v: transmittance of the other splats towards the light, an octahedral map of 16 x 16 or 32 x 32 texels (mapVisibility), made weaker by
 // `shadow`, 0 to 1, where light seeps in (v = 1 - shadow (1 - map)).
-// s, lobe (k = 0), visibility (v = 1) and shadow (1) are left out of assets that do not need them.
+// s, lobe (k = 0), forward (f = 0), visibility (v = 1) and shadow (1) are left out of assets that do not need them.
 // Linear in light: every clamp is per light and before the product with E_t.
 #pragma once
 
@@ -17,6 +18,7 @@
 #include "base/host_device.h"
 #include "base/spherical_harmonics.h"
 
+#include <cmath>
 #include <cstdint>
 
 namespace nacre {
@@ -24,6 +26,7 @@ namespace nacre {
 constexpr int kBigsTransportFunctions = 25;
 constexpr int kBigsLobeFloats = 7;         // unit normal, sharpness 1/alpha^2 - 1 of GGX, k rgb
 constexpr float kBigsLobeFacing = 4.0f;
+constexpr int kBigsForwardFloats = 4;      // sharpness 2g / (1 - g)^2 of Henyey and Greenstein, f rgb
 
 NACRE_HD constexpr int bigsPairCount(int sFunctions) { return sFunctions * (sFunctions + 1) / 2; }
 /// How many functions of s a channel of `components` floats per splat holds; 0 if it is none of the accepted sizes.
@@ -46,6 +49,7 @@ struct BigsCoefficients {
     const T* lobe = nullptr;             // [7], or null
     VisibilityMap visibility{};
     T shadow = T(1);
+    const T* forward = nullptr;          // [4], or null
 };
 
 /// View contraction: a[i][c] = sum_j c_ij,c y_j(w_o). Once per view; then a light costs one dot product.
@@ -99,7 +103,17 @@ NACRE_HD inline T bigsLobe(const T* normalAndSharpness, const T* wo, const T* wi
     return a2 / wide * u * u * (front < T(1) ? front : T(1));
 }
 
-/// What depends on the directions beyond their SH: v and k * lobe.
+/// Henyey and Greenstein's phase function of light that is scattered once, scaled to 1 straight ahead: (1 + q (1 + wo.wi))^(-3/2).
+template <class T>
+NACRE_HD inline T bigsForward(T sharpness, const T* wo, const T* wi)
+{
+    using std::sqrt;
+    const T behind = T(1) + wo[0] * wi[0] + wo[1] * wi[1] + wo[2] * wi[2];
+    const T u = T(1) / (T(1) + (sharpness > T(0) ? sharpness : T(0)) * (behind > T(0) ? behind : T(0)));
+    return u * sqrt(u);
+}
+
+/// What depends on the directions beyond their SH: v, and k * lobe + f * forward.
 template <class T>
 struct BigsSharpTerms {
     T visible = T(1);
@@ -114,6 +128,10 @@ NACRE_HD inline BigsSharpTerms<T> bigsSharpTerms(const BigsCoefficients<T>& g, c
     if (g.lobe) {
         const T shape = bigsLobe(g.lobe, wo, wi, widening);
         for (int c = 0; c < 3; ++c) t.lobe[c] = g.lobe[4 + c] * shape;
+    }
+    if (g.forward) {
+        const T shape = bigsForward(g.forward[0], wo, wi);
+        for (int c = 0; c < 3; ++c) t.lobe[c] += g.forward[1 + c] * shape;
     }
     return t;
 }

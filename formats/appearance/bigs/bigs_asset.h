@@ -11,7 +11,7 @@ class BigsChannels {
 public:
     explicit BigsChannels(const SplatAsset& asset)
         : tDir_(asset.find("tDir")), tInd_(asset.find("tInd")), rho_(asset.find("rho")), s_(asset.find("s")),
-          lobe_(asset.find("lobe")), visibility_(asset.find("visibility")), shadow_(asset.find("shadow")),
+          lobe_(asset.find("lobe")), forward_(asset.find("forward")), visibility_(asset.find("visibility")), shadow_(asset.find("shadow")),
           scattering_(s_ ? s_->rows(asset.cloud.count) : 0), sFunctions_(s_ ? bigsScatterFunctions(s_->components) : 0)
     {
     }
@@ -28,11 +28,12 @@ public:
                 visibility_
                     ? VisibilityMap{&visibility_->bytes[visibility_->components * splat], visibilitySize(visibility_->components)}
                     : VisibilityMap{},
-                shadow_ ? shadow_->values[splat] : 1.0f};
+                shadow_ ? shadow_->values[splat] : 1.0f,
+                forward_ ? &forward_->values[forward_->components * splat] : nullptr};
     }
 
 private:
-    const Channel *tDir_, *tInd_, *rho_, *s_, *lobe_, *visibility_, *shadow_;
+    const Channel *tDir_, *tInd_, *rho_, *s_, *lobe_, *forward_, *visibility_, *shadow_;
     size_t scattering_; // splats with s
     int sFunctions_;
 };

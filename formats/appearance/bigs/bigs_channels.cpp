@@ -13,6 +13,7 @@ std::vector<ChannelSpec> bigs::channels()
             {"rho", {3}},
             {"s", {0, pairs(1), pairs(4), pairs(9), pairs(16), pairs(25)}, ChannelType::kFloat, false, true}, // 0: the channel may be absent
             {"lobe", {0, kBigsLobeFloats}},
+            {"forward", {0, kBigsForwardFloats}},
             {"visibility", {0, 256, 1024}, ChannelType::kUnorm8},
             {"shadow", {0, 1}}};
 }
