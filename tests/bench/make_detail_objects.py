@@ -134,14 +134,17 @@ def write(path, parts):
     write_glb(path, document, binary)
 
 
+BODY = {"KHR_materials_specular": {"specularFactor": 0}} # of the coat's index: no second reflection where they meet
+
+
 def relief_coat_a():
-    jade = material("jade", (0.30, 0.60, 0.36), 0.45, coat=(1, 0.1))
-    return [(p, jade) for p in cube(displaced(sphere, waves(0.14, 0.4)), 150)]
+    jade = material("jade", (0.30, 0.60, 0.36), 1, coat=(1, 0.12), **BODY)
+    return [(p, jade) for p in cube(displaced(sphere, waves(0.16, 0.4)), 150)]
 
 
 def relief_coat_b():
-    glaze = material("glaze", (0.55, 0.14, 0.09), 0.6, coat=(1, 0.05))
-    return [(patch(displaced(torus(0.68, 0.3), waves(0.1, 0.35, seed=2)), 420, 190), glaze)]
+    glaze = material("glaze", (0.55, 0.14, 0.09), 1, coat=(1, 0.07), **BODY)
+    return [(patch(displaced(torus(0.66, 0.32), waves(0.2, 0.35, seed=2)), 320, 150), glaze)]
 
 
 def relief_coat_c():
@@ -204,7 +207,7 @@ def fur_ball():
 
 
 def fur_b():
-    cream, grey = material("cream", (0.80, 0.66, 0.45), 0.6), material("grey", (0.22, 0.22, 0.25), 0.6)
+    cream, grey = material("cream", (0.50, 0.36, 0.22), 0.6), material("grey", (0.10, 0.10, 0.12), 0.6)
     def ball(middle, size, m):
         return [(p, m) for p in cube(lambda c: add(middle, [s * x for s, x in zip(size, sphere(c)[0])]), 32)]
     return (ball((0, -0.25, 0), (0.62, 0.5, 0.5), cream) + ball((0.42, 0.35, 0), (0.32, 0.3, 0.3), grey) +
