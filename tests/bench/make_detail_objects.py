@@ -196,7 +196,7 @@ def film(ior, nanometres):
 
 def iridescent():
     titanium = material("titanium", (0.55, 0.50, 0.47), 0.35, metallic=1, **film(1.8, 380))
-    enamel = material("enamel", (0.04, 0.05, 0.06), 0.3, **film(2.2, 520))
+    enamel = material("enamel", (0.04, 0.05, 0.06), 0.3, **film(2.2, 260))
     dented = displaced(sphere, waves(0.9, 0.2, seed=5))
     return ([(p, titanium) for p in cube(lambda c: tuple(0.52 * x for x in dented(c)), 64)] +
             [(patch(displaced(torus(0.8, 0.19), waves(0.7, 0.2, seed=6)), 192, 64), enamel)])
