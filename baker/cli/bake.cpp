@@ -332,8 +332,9 @@ Action addBake(CLI::App& app)
                     "For comparisons: train without these (s: other view dependence, lobe: highlights, forward: light that goes on through hairs and leaves, visibility: hard shadows, "
                     "sharing: gloss and "
                     "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam; "
-                    "sss: residual, share, visibility, roughness-restart: the trial of starting roughness again from 0.2)")
-        ->check(CLI::IsMember({"lobe", "forward", "visibility", "sharing", "schedule", "s", "residual", "share", "roughness-restart"}))
+                    "sss: residual, share, visibility, code: numbers that the network has of each splat, roughness-restart: the trial of starting "
+                    "roughness again from 0.2)")
+        ->check(CLI::IsMember({"lobe", "forward", "visibility", "sharing", "schedule", "s", "residual", "share", "code", "roughness-restart"}))
         ->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: 0, the squared error alone)")
         ->check(numberBetween(0, 1));

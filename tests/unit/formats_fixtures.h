@@ -81,7 +81,9 @@ inline SplatAsset makeSss(size_t count, bool all)
     Channel network{"network", uint32_t(kSssNetworkFloats), {}, {}, true};
     for (size_t i = 0; i < kSssWeights; ++i) network.values.push_back(float(int(i * 37 % 129) - 64) / 256.0f); // so small that no output saturates
     network.values.insert(network.values.end(), {0, 0, 0, 2});                                                // frame
-    asset.channels.push_back(visibility), asset.channels.push_back(network);
+    Channel codeWeights{"codeWeights", kSssHidden1 * kSssCodeInputs, {}, {}, true};
+    for (uint32_t i = 0; i < codeWeights.components; ++i) codeWeights.values.push_back(share(i));
+    for (const Channel& c : {visibility, channel("code", kSssCodeInputs, share), codeWeights, network}) asset.channels.push_back(c);
     return asset;
 }
 

@@ -126,7 +126,7 @@ inline SplatAsset withSharp(SplatAsset asset, int which, uint32_t seed, float sh
 
 enum SssChannelsOf { kSssMaps = 1, kSssNetwork = 2, kSssScatter = 4, kSssShared = 8 /* the network has a share */, kAllSss = 15 };
 
-/// The splats of randomAsset with random materials, normals that look outwards, random maps and a random network, as `which` says.
+/// The splats of randomAsset with random materials, normals that look outwards, random maps and a random network, as `which` says; with its share it has codes, too.
 inline SplatAsset randomSss(size_t count, int which, uint32_t seed, float splatScale = 0.05f)
 {
     std::mt19937 rng(seed);
@@ -145,9 +145,13 @@ inline SplatAsset randomSss(size_t count, int which, uint32_t seed, float splatS
     for (int i = 0; i < kSssWeights; ++i) network.values.push_back(uniform(-0.4f, 0.4f));
     if (!(which & kSssShared)) std::fill(network.values.begin() + kSssShareOut, network.values.end(), 0.0f);
     network.values.insert(network.values.end(), {0, 0, 0, 2});
+    Channel code{"code", kSssCodeInputs, {}, {}}, codeWeights{"codeWeights", kSssHidden1 * kSssCodeInputs, {}, {}, true};
+    for (size_t i = 0; i < count * kSssCodeInputs; ++i) code.values.push_back(uniform(-1, 1));
+    for (uint32_t i = 0; i < codeWeights.components; ++i) codeWeights.values.push_back(uniform(-0.4f, 0.4f));
     a.channels = {base, material, normal};
     if (which & kSssMaps) a.channels.push_back(maps);
     if (which & kSssNetwork) a.channels.push_back(network);
+    if ((which & kSssNetwork) && (which & kSssShared)) a.channels.push_back(code), a.channels.push_back(codeWeights);
     return a;
 }
 

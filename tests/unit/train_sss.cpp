@@ -361,21 +361,35 @@ namespace {
 
 std::vector<double> randomWeights(Random& random)
 {
-    std::vector<double> w(kSssWeights);
+    std::vector<double> w(kSssAllWeights);
     for (double& x : w) x = 0.5 * (2 * random.uniform() - 1);
     return w;
 }
 
 struct Inputs {
-    double fixed[kSssFixedInputs], light[kSssLightInputs];
+    double fixed[kSssFixedInputs], code[kSssCodeInputs], light[kSssLightInputs];
 };
 
 Inputs randomInputs(Random& random)
 {
     Inputs in{};
     for (double& x : in.fixed) x = 2 * random.uniform() - 1;
+    for (double& x : in.code) x = 2 * random.uniform() - 1;
     for (double& x : in.light) x = 2 * random.uniform() - 1;
     return in;
+}
+
+void firstLayer(const std::vector<double>& w, const Inputs& in, double* first)
+{
+    sssNetworkFixed(w.data(), in.fixed, first);
+    sssNetworkCode(w.data() + kSssCode, in.code, first);
+}
+
+/// What dFirst says of the weights of the first layer, of the fixed inputs and of the code.
+void firstLayerBackward(const std::vector<double>& w, const Inputs& in, const double* dFirst, double* dW, double* dFixed, double* dCode)
+{
+    sssNetworkFixedBackward(w.data(), in.fixed, dFirst, dW, dFixed);
+    sssLayerBackward(w.data() + kSssCode, in.code, kSssCodeInputs, kSssHidden1, dFirst, dW + kSssCode, static_cast<double*>(nullptr), dCode);
 }
 
 } // namespace
@@ -388,16 +402,16 @@ TEST_CASE("sss: the gradient of the network is that of finite differences, for w
     const double dResidual[3] = {0.3, -0.7, 0.5}, dShare = 0.9;
     const auto value = [&] {
         double first[kSssHidden1];
-        sssNetworkFixed(w.data(), in.fixed, first);
+        firstLayer(w, in, first);
         const SssActivations<double> a = sssNetworkLight(w.data(), first, in.light);
         return dResidual[0] * a.residual[0] + dResidual[1] * a.residual[1] + dResidual[2] * a.residual[2] + dShare * a.share;
     };
-    std::vector<double> dW(kSssWeights);
-    double first[kSssHidden1], dFirst[kSssHidden1] = {}, dLight[kSssLightInputs] = {}, dFixed[kSssFixedInputs] = {};
-    sssNetworkFixed(w.data(), in.fixed, first);
+    std::vector<double> dW(kSssAllWeights);
+    double first[kSssHidden1], dFirst[kSssHidden1] = {}, dLight[kSssLightInputs] = {}, dFixed[kSssFixedInputs] = {}, dCode[kSssCodeInputs] = {};
+    firstLayer(w, in, first);
     sssNetworkLightBackward(w.data(), first, in.light, sssNetworkLight(w.data(), first, in.light), dResidual, dShare, dW.data(),
                             dFirst, dLight);
-    sssNetworkFixedBackward(w.data(), in.fixed, dFirst, dW.data(), dFixed);
+    firstLayerBackward(w, in, dFirst, dW.data(), dFixed, dCode);
     const auto check = [&](double& x, double analytic) {
         const double was = x, step = 1e-6;
         x = was + step;
@@ -407,8 +421,9 @@ TEST_CASE("sss: the gradient of the network is that of finite differences, for w
         x = was;
         CHECK(std::abs(analytic - (hi - lo) / (2 * step)) < 1e-7 * (1 + std::abs(analytic)));
     };
-    for (size_t k = 0; k < kSssWeights; ++k) check(w[k], dW[k]);
+    for (size_t k = 0; k < kSssAllWeights; ++k) check(w[k], dW[k]);
     for (int k = 0; k < kSssFixedInputs; ++k) check(in.fixed[k], dFixed[k]);
+    for (int k = 0; k < kSssCodeInputs; ++k) check(in.code[k], dCode[k]);
     for (int k = 0; k < kSssLightInputs; ++k) check(in.light[k], dLight[k]);
 }
 
@@ -497,21 +512,22 @@ TEST_CASE("sss: sixteen Gaussians at once give what each gives alone, and the su
     for (int row = 0; row < kLights * kSssLanes; ++row) {
         const int lane = row % kSssLanes;
         in.push_back(randomInputs(random));
-        if (row >= kSssLanes)
-            std::copy_n(in[size_t(lane)].fixed, kSssFixedInputs, in.back().fixed); // the same Gaussian under another light
+        if (row >= kSssLanes) // the same Gaussian under another light
+            std::copy_n(in[size_t(lane)].fixed, kSssFixedInputs, in.back().fixed), std::copy_n(in[size_t(lane)].code, kSssCodeInputs, in.back().code);
         for (int k = 0; k < kSssFixedInputs; ++k) batch->fixed[lane][k] = float(in.back().fixed[k]);
+        for (int k = 0; k < kSssCodeInputs; ++k) batch->code[lane][k] = float(in.back().code[k]);
         for (int k = 0; k < kSssLightInputs; ++k) batch->light[row][k] = float(in.back().light[k]);
         for (int c = 0; c < 3; ++c) batch->dResidual[row][c] = 2 * random.uniform() - 1;
         batch->dShare[row] = 2 * random.uniform() - 1;
     }
-    std::vector<double> want(kSssWeights);
-    std::vector<float> got(kSssWeights);
+    std::vector<double> want(kSssAllWeights), wantCode(kSssLanes * kSssCodeInputs);
+    std::vector<float> got(kSssAllWeights);
     sssBatchForward(weights, kLights, *batch);
     for (int row = 0; row < kLights * kSssLanes; ++row) {
         const Inputs& x = in[size_t(row)];
         double first[kSssHidden1], dFirst[kSssHidden1] = {}, dLight[kSssLightInputs] = {}, dFixed[kSssFixedInputs] = {},
                                    dResidual[3];
-        sssNetworkFixed(w.data(), x.fixed, first);
+        firstLayer(w, x, first);
         const SssActivations<double> a = sssNetworkLight(w.data(), first, x.light);
         for (int c = 0; c < 3; ++c) {
             CHECK(std::abs(batch->residual[row][c] - a.residual[c]) < 2e-5);
@@ -519,16 +535,17 @@ TEST_CASE("sss: sixteen Gaussians at once give what each gives alone, and the su
         }
         CHECK(std::abs(batch->share[row] - a.share) < 2e-5);
         sssNetworkLightBackward(w.data(), first, x.light, a, dResidual, double(batch->dShare[row]), want.data(), dFirst, dLight);
-        sssNetworkFixedBackward(w.data(), x.fixed, dFirst, want.data(), dFixed);
+        firstLayerBackward(w, x, dFirst, want.data(), dFixed, &wantCode[size_t(row % kSssLanes * kSssCodeInputs)]);
     }
     sssBatchBackward(weights, kLights, *batch, got.data());
     double largest = 0;
     for (double x : want) largest = std::max(largest, std::abs(x));
     for (size_t k = 0; k < want.size(); ++k) CHECK(std::abs(got[k] - want[k]) < 1e-4 * largest);
     CHECK(largest > 0.1);
+    for (size_t k = 0; k < wantCode.size(); ++k) CHECK(std::abs(batch->dCode[0][k] - wantCode[k]) < 1e-4 * largest);
 
     // without its share: the same residual, and gradients as if nothing depended on the share
-    std::vector<float> whole(kSssWeights), bare(kSssWeights);
+    std::vector<float> whole(kSssAllWeights), bare(kSssAllWeights);
     const std::vector<float> residual(batch->residual[0], batch->residual[0] + 3 * kLights * kSssLanes);
     std::memset(batch->dShare, 0, sizeof batch->dShare);
     sssBatchBackward(weights, kLights, *batch, whole.data());
@@ -543,7 +560,24 @@ TEST_CASE("sss: sixteen Gaussians at once give what each gives alone, and the su
 
     sssBatchForward(weights, kLights, *batch);
     std::memset(batch->dResidual, 0, sizeof batch->dResidual), std::memset(batch->dShare, 0, sizeof batch->dShare);
-    std::vector<float> nothing(kSssWeights);
+    std::vector<float> nothing(kSssAllWeights);
     sssBatchBackward(weights, kLights, *batch, nothing.data());
     for (float x : nothing) CHECK(x == 0.0f);
+}
+
+TEST_CASE("sss: codes of new splats say nothing; a bake without codes stores none")
+{
+    for (const bool with : {true, false}) {
+        AppearanceOptions options;
+        if (!with) options.without = {"code"};
+        const auto model = makeTrainableAppearance("sss", options);
+        model->resize(3);
+        const std::vector<Channel> channels = model->exportChannels();
+        const auto has = [&](const char* name) { return std::any_of(channels.begin(), channels.end(), [&](const Channel& c) { return c.name == name; }); };
+        CHECK(has("network"));
+        CHECK(has("code") == with);
+        CHECK(has("codeWeights") == with);
+        for (const Channel& c : channels)
+            if (c.name == "code") CHECK(std::all_of(c.values.begin(), c.values.end(), [](float x) { return x == 0; })); // until something is learnt
+    }
 }

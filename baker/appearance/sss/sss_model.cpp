@@ -22,11 +22,11 @@ namespace nacre {
 
 namespace {
 
-// One row per splat. All but the normal go through a logistic function.
-constexpr int kBase = 0, kRough = 3, kMetal = 4, kScatter = 5, kNormal = 6, kRowFloats = 9;
+// One row per splat. All before the normal go through a logistic function.
+constexpr int kBase = 0, kRough = 3, kMetal = 4, kScatter = 5, kNormal = 6, kCode = 9, kRowFloats = kCode + kSssCodeInputs;
 using Row = std::array<float, kRowFloats>;
-constexpr float kRate[kRowFloats] = {2e-2f, 2e-2f, 2e-2f, 2e-2f, 1e-2f, 2e-2f, 1e-2f, 1e-2f, 1e-2f};
-constexpr float kNetworkRate = 3e-3f;
+constexpr float kRate[kCode] = {2e-2f, 2e-2f, 2e-2f, 2e-2f, 1e-2f, 2e-2f, 1e-2f, 1e-2f, 1e-2f};
+constexpr float kNetworkRate = 6e-3f, kCodeRate = 3e-2f;
 // The base colour of new splats is that of the object in the mean, within these bounds. From 0.5 the splats of a black object fade
 // before their colour has become dark, and do not come back: a third of its pixels stayed opaque.
 constexpr float kDarkestStart = 0.02f, kBrightestStart = 0.5f;
@@ -36,7 +36,7 @@ constexpr double kRenewAt[] = {0.02, 0.06, 0.16, 0.3, 0.5, 0.8};
 constexpr double kNormalsUntil = 0.2;
 // When optional parts are judged, and what they have to be worth, in dB. A residual that only takes over errors of the surface
 // terms is worth 0.3 to 0.7 dB to objects that do not scatter, a real one 4 to 6.
-constexpr double kPartsJudgedAt = 0.3, kResidualWorth = 1.0, kShareWorth = 0.0, kVisibilityWorth = 0.1;
+constexpr double kPartsJudgedAt = 0.3, kResidualWorth = 1.0, kShareWorth = 0.02, kVisibilityWorth = 0.1;
 // A highlight that is narrower than the lobe hardly narrows it: it covers few pixels, and the light that leaves the rest of the lobe is missing
 // there. A lobe that is too narrow is wrong at once and widens. So once the normals are known, bakes try whether roughness that starts again
 // from 0.2 serves a surface better than what it has learnt until then.
@@ -68,6 +68,7 @@ public:
     explicit SssModel(const AppearanceOptions& options) : nearLights_(options.pointLights), nearness_(options.lightDistancesVary)
     {
         for (const std::string& part : options.without) leaveOut(part, {});
+        codeOn_ = std::find(options.without.begin(), options.without.end(), "code") == options.without.end();
         const float base = std::clamp(options.brightness, kDarkestStart, kBrightestStart);
         for (int k = 0; k < 3; ++k) start_[size_t(kBase + k)] = std::log(base / (1 - base));
         Random random(7);
@@ -79,9 +80,10 @@ public:
         for (int j = 0; !nearness_ && j < kSssHidden1; ++j) weights_.value[size_t(kSssFirstLight + kSssLightInputs * j + kSssNearnessInput)] = 0;
         layer(kSssSecond, kSssHidden2, kSssHidden1, 1), layer(kSssThird, kSssHidden3, kSssHidden2, 1);
         layer(kSssResidual, 3, kSssHidden3, 0.3f), layer(kSssShare, kSssHiddenShare, kSssHidden3, 1);
+        layer(kSssCode, kSssHidden1, kSssCodeInputs, 1);
         for (int c = 0; c < 3; ++c) weights_.value[size_t(kSssResidualBias + c)] = -2.0f;
         weights_.transpose();
-        networkMomentum_.assign(kSssWeights, 0), networkSecond_.assign(kSssWeights, 0);
+        networkMomentum_.assign(kSssAllWeights, 0), networkSecond_.assign(kSssAllWeights, 0);
     }
 
     size_t count() const override { return row_.size(); }
@@ -178,7 +180,7 @@ public:
     {
         const size_t stride = size_t(channelStride(channels(lit.lightCount)));
         const bool network = residualOn_ || weights_.share;
-        if (network) dWeights_.assign(kRanges * kSssWeights, 0.0f);
+        if (network) dWeights_.assign(kRanges * kSssAllWeights, 0.0f);
         const AdamRate adam{rate_, correction1_, correction2_};
         const float shareWeight = regulariser(kShareWeight) / float(count() * size_t(lit.lightCount));
         forEachBatch(view, [&](size_t range, size_t first, int lanes) {
@@ -207,11 +209,11 @@ public:
                 }
             }
             if (!any) return;
-            if (network) sssBatchBackward(weights_, lit.lightCount, batch.network, &dWeights_[range * kSssWeights]);
+            if (network) sssBatchBackward(weights_, lit.lightCount, batch.network, &dWeights_[range * kSssAllWeights]);
             for (int lane = 0; lane < lanes; ++lane) {
                 const size_t splat = first + size_t(lane);
                 if (isActive(view, active, splat))
-                    stepRow(splat, dChannels + view.visibleFromSplat[splat] * stride, dScatter[lane], adam);
+                    stepRow(splat, dChannels + view.visibleFromSplat[splat] * stride, dScatter[lane], batch.network.dCode[lane], adam);
             }
         });
         if (network) stepNetwork(adam);
@@ -249,7 +251,7 @@ public:
         }
         std::vector<Channel> channels{std::move(base), std::move(material), std::move(normal)};
         if (!visibility_.empty()) channels.push_back({"visibility", kVisibilityTexels, {}, visibility_});
-        if (residualOn_ || weights_.share) channels.push_back(exportNetwork());
+        if (residualOn_ || weights_.share) exportNetwork(channels);
         return channels;
     }
 
@@ -272,8 +274,8 @@ public:
         residualOn_ = parts & 1, weights_.share = parts & 2, visibilityOn_ = parts & 4, roughnessMayRestart_ = parts & 8;
         const size_t n = row_.size();
         if (in.failed || momentum_.size() != n || second_.size() != n ||
-            (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) || weights_.value.size() != kSssWeights ||
-            networkMomentum_.size() != kSssWeights || networkSecond_.size() != kSssWeights)
+            (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) || weights_.value.size() != kSssAllWeights ||
+            networkMomentum_.size() != kSssAllWeights || networkSecond_.size() != kSssAllWeights)
             return false;
         if (frame.size() != 4) return false;
         std::copy_n(frame.begin(), 4, frame_);
@@ -332,6 +334,7 @@ private:
             float normal[3];
             unitNormal(splat, normal);
             sssFixedInputs(g.position, normal, frame_, batch.network.fixed[lane]);
+            std::copy_n(&row_[splat][kCode], kSssCodeInputs, batch.network.code[lane]);
             const LightSample<float> toEye = samplePointLight(lit.eye, 0.0f, g.position);
             for (int l = 0; l < lit.lightCount; ++l) {
                 const Light& light = lit.lights[l];
@@ -360,12 +363,17 @@ private:
     float subsurface(size_t splat) const { return residualOn_ ? logistic(row_[splat][kScatter]) : 0.0f; }
 
     // The network's logistic function of the share has a factor of its own: with the share off it is told to answer 1.
-    Channel exportNetwork() const
+    void exportNetwork(std::vector<Channel>& channels) const
     {
-        std::vector<float> values(weights_.value.begin(), weights_.value.end());
+        std::vector<float> values(weights_.value.begin(), weights_.value.begin() + kSssWeights);
         if (!weights_.share) std::fill_n(values.begin() + kSssShareOut, kSssHiddenShare + 1, 0.0f);
         values.insert(values.end(), frame_, frame_ + 4);
-        return {"network", uint32_t(kSssNetworkFloats), std::move(values), {}, true};
+        channels.push_back({"network", uint32_t(kSssNetworkFloats), std::move(values), {}, true});
+        if (!codeOn_) return;
+        Channel code{"code", kSssCodeInputs, {}, {}};
+        for (const Row& r : row_) code.values.insert(code.values.end(), r.begin() + kCode, r.end());
+        channels.push_back(std::move(code));
+        channels.push_back({"codeWeights", kSssHidden1 * kSssCodeInputs, {weights_.value.begin() + kSssCode, weights_.value.end()}, {}, true});
     }
 
     // Position and size of the splats, so that the network sees the same numbers whatever the units.
@@ -393,7 +401,8 @@ private:
         out[kSssDepth] = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     }
 
-    void stepRow(size_t splat, const float* d, float dScatter, const AdamRate& adam)
+    // d: gradient with respect to the channels of the surface
+    void stepRow(size_t splat, const float* d, float dScatter, const float* dCode, const AdamRate& adam)
     {
         Row& r = row_[splat];
         float gradient[kRowFloats], normal[3], along = 0;
@@ -409,9 +418,11 @@ private:
         unitNormal(splat, normal);
         for (int k = 0; k < 3; ++k) along += d[kSssNormal + k] * normal[k];
         for (int k = 0; k < 3; ++k) gradient[kNormal + k] = d[kSssNormal + k] - along * normal[k];
+        const bool coded = codeOn_ && (residualOn_ || weights_.share);
+        for (size_t k = 0; k < kSssCodeInputs; ++k) gradient[kCode + k] = coded ? dCode[k] : 0.0f;
         for (size_t k = 0; k < kRowFloats; ++k) {
             AdamRate own = adam;
-            own.rate *= kRate[k];
+            own.rate *= k < kCode ? kRate[k] : kCodeRate;
             r[k] -= own.step(gradient[k], momentum_[splat][k], second_[splat][k]);
         }
         for (size_t k = 0; k < kNormal; ++k) r[k] = std::clamp(r[k], -7.0f, 7.0f); // a logistic beyond that has no slope left
@@ -421,9 +432,9 @@ private:
     {
         AdamRate own = adam;
         own.rate *= kNetworkRate;
-        for (size_t k = 0; k < kSssWeights; ++k) {
+        for (size_t k = 0; k < kSssAllWeights; ++k) {
             float sum = 0;
-            for (size_t range = 0; range < kRanges; ++range) sum += dWeights_[range * kSssWeights + k];
+            for (size_t range = 0; range < kRanges; ++range) sum += dWeights_[range * kSssAllWeights + k];
             weights_.value[k] -= own.step(sum, networkMomentum_[k], networkSecond_[k]);
         }
         weights_.transpose();
@@ -464,7 +475,7 @@ private:
     AlignedVector<Batch> batches_;
     float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
     Row start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
-    bool residualOn_ = true, visibilityOn_ = true;
+    bool residualOn_ = true, visibilityOn_ = true, codeOn_ = true;
     bool roughnessMayRestart_ = true;   // it has not yet
     std::vector<glm::vec3> nearLights_; // of training; those that matter are found among them
     bool nearness_;                     // the network is told how near a light is

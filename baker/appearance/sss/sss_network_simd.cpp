@@ -17,21 +17,21 @@ namespace nacre {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-using D = hn::CappedTag<float, 8>;
+using D = hn::CappedTag<float, 16>;
 using V = hn::Vec<D>;
 constexpr int kN = int(hn::MaxLanes(D()));
 
 enum Start { kZero, kBias, kAdd }; // what a sum starts from
 
-// out[row][j] = start + sum_k a[row][k] b[k][j], N columns. Tiles of four rows by two vectors stay in registers.
+// out[row][j] = start + sum_k a[row][k] b[k][j], N columns. Tiles of four rows by two vectors or sixteen columns stay in registers.
 template <int K, int N, Start S>
 HWY_INLINE void product(const float* a, int aStride, const float* b, const float* bias, int rows, float* out)
 {
     const D d;
-    constexpr int kVectors = 16 / kN;
-    static_assert(N % 16 == 0);
+    constexpr int kColumns = kN > 8 ? 2 * kN : 16, kVectors = kColumns / kN;
+    static_assert(N % kColumns == 0);
     for (int row = 0; row < rows; row += 4)
-        for (int j = 0; j < N; j += 16) {
+        for (int j = 0; j < N; j += kColumns) {
             V sum[4][kVectors];
             for (int r = 0; r < 4; ++r)
                 for (int v = 0; v < kVectors; ++v)
@@ -71,7 +71,7 @@ HWY_INLINE void outerTile(const float* dOut, int outStride, const float* in, int
         for (int v = 0; v < Vectors; ++v) sum[t][v] = hn::Zero(d);
     for (int row = 0; row < rows; ++row)
         for (int v = 0; v < Vectors; ++v) {
-            const V x = hn::Load(d, in + row * inStride + v * kN);
+            const V x = hn::LoadU(d, in + row * inStride + v * kN); // may read beyond a row: what is not an input is not kept
             for (int t = 0; t < Outputs; ++t) sum[t][v] = hn::MulAdd(hn::Set(d, dOut[row * outStride + t]), x, sum[t][v]);
         }
     for (int t = 0; t < Outputs; ++t)
@@ -92,8 +92,9 @@ HWY_INLINE void outerTile(const float* dOut, int outStride, const float* in, int
 template <int In, int Out>
 HWY_INLINE void outerProduct(const float* dOut, const float* in, int inStride, int rows, float* dWeight)
 {
-    constexpr int kOutputs = Out % 2 == 0 ? 2 : 1, kVectors = (In + kN - 1) / kN, kWhole = kVectors / 4 * 4,
-                  kRest = kVectors - kWhole;
+    constexpr int kVectors = (In + kN - 1) / kN, kWhole = kVectors / 4 * 4, kRest = kVectors - kWhole;
+    constexpr int kSums = kN > 8 ? 16 : 8, kMost = kSums / (kWhole > 0 ? 4 : kVectors); // that registers hold
+    constexpr int kOutputs = Out % 8 == 0 && kMost >= 8 ? 8 : Out % 4 == 0 && kMost >= 4 ? 4 : Out % 2 == 0 ? 2 : 1;
     for (int j = 0; j < Out; j += kOutputs) {
         float* to = dWeight + j * In;
         for (int v = 0; v < kWhole; v += 4)
@@ -145,6 +146,7 @@ void batchForward(const SssWeights& w, int lights, SssBatch& b)
     const int rows = lights * kSssLanes;
     product<kSssFixedInputs, kSssHidden1, kBias>(b.fixed[0], kSssFixedStride, m + kSssFirstFixed, value + kSssFirstBias,
                                                  kSssLanes, b.first[0]);
+    product<kSssCodeInputs, kSssHidden1, kAdd>(b.code[0], kSssCodeInputs, m + kSssCode, nullptr, kSssLanes, b.first[0]);
     for (int l = 0; l < lights; ++l) std::memcpy(b.h1[l * kSssLanes], b.first, sizeof b.first);
     product<kSssLightInputs, kSssHidden1, kAdd>(b.light[0], kSssLightInputs, m + kSssFirstLight, nullptr, rows, b.h1[0]);
     leaky(b.h1[0], rows * kSssHidden1);
@@ -184,7 +186,7 @@ void shareBackward(const SssWeights& w, int rows, const SssBatch& b, float* d3, 
     product<kSssHiddenShare, kSssHidden3, kZero>(ds, kSssHiddenShare, m + kSssShare, nullptr, rows, d3);
 }
 
-void batchBackward(const SssWeights& w, int lights, const SssBatch& b, float* dW)
+void batchBackward(const SssWeights& w, int lights, SssBatch& b, float* dW)
 {
     const D d;
     const float* m = w.value.data(); // [out][in] is what the gradient of the inputs needs
@@ -215,6 +217,9 @@ void batchBackward(const SssWeights& w, int lights, const SssBatch& b, float* dW
             hn::Store(hn::Add(hn::Load(d, dFirst + k), hn::Load(d, d1 + l * kSssLanes * kSssHidden1 + k)), d, dFirst + k);
     outerProduct<kSssFixedInputs, kSssHidden1>(dFirst, b.fixed[0], kSssFixedStride, kSssLanes, dW + kSssFirstFixed);
     sumRows<kSssHidden1>(dFirst, kSssLanes, dW + kSssFirstBias);
+    outerProduct<kSssCodeInputs, kSssHidden1>(dFirst, b.code[0], kSssCodeInputs, kSssLanes, dW + kSssCode);
+    const float none[kSssCodeInputs] = {};
+    narrowProduct<kSssHidden1, kSssCodeInputs>(dFirst, w.transposed.data() + kSssCode, none, kSssLanes, b.dCode[0]);
 }
 
 } // namespace HWY_NAMESPACE
@@ -238,13 +243,14 @@ void SssWeights::transpose()
     matrix(kSssSecond, kSssHidden2, kSssHidden1);
     matrix(kSssThird, kSssHidden3, kSssHidden2);
     matrix(kSssShare, kSssHiddenShare, kSssHidden3);
+    matrix(kSssCode, kSssHidden1, kSssCodeInputs);
 }
 
 void sssBatchForward(const SssWeights& weights, int lights, SssBatch& batch)
 {
     HWY_DYNAMIC_DISPATCH(batchForward)(weights, lights, batch);
 }
-void sssBatchBackward(const SssWeights& weights, int lights, const SssBatch& batch, float* dWeights)
+void sssBatchBackward(const SssWeights& weights, int lights, SssBatch& batch, float* dWeights)
 {
     HWY_DYNAMIC_DISPATCH(batchBackward)(weights, lights, batch, dWeights);
 }

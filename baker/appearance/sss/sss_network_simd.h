@@ -19,9 +19,9 @@ constexpr int kSssFixedStride = (kSssFixedInputs + 7) / 8 * 8; // whole vectors;
 
 /// Weights as they are stored, and each matrix transposed for the forward pass.
 struct SssWeights {
-    AlignedVector<float> value, transposed; // [kSssWeights]
+    AlignedVector<float> value, transposed; // [kSssAllWeights]
     bool share = true;                      // false: that head is not evaluated, the share is 1
-    SssWeights() : value(kSssWeights), transposed(kSssWeights) {}
+    SssWeights() : value(kSssAllWeights), transposed(kSssAllWeights) {}
     /// After `value` has changed.
     void transpose();
 };
@@ -30,17 +30,20 @@ struct alignas(64) SssBatch {
     // inputs
     float fixed[kSssLanes][kSssFixedStride] = {};
     float light[kSssRows][kSssLightInputs] = {};
+    float code[kSssLanes][kSssCodeInputs] = {};
     // what sssBatchForward makes of them
     float first[kSssLanes][kSssHidden1];
     float h1[kSssRows][kSssHidden1], h2[kSssRows][kSssHidden2], h3[kSssRows][kSssHidden3], hs[kSssRows][kSssHiddenShare];
     float residual[kSssRows][3], share[kSssRows];
     // gradients of these two, inputs of sssBatchBackward
     float dResidual[kSssRows][3], dShare[kSssRows];
+    // what that makes of them
+    float dCode[kSssLanes][kSssCodeInputs];
 };
 
-/// fixed, light -> the hidden layers, residual and share, of the first `lights` lights.
+/// fixed, code, light -> the hidden layers, residual and share, of the first `lights` lights.
 void sssBatchForward(const SssWeights& weights, int lights, SssBatch& batch);
-/// After sssBatchForward: dResidual, dShare -> adds to dWeights [kSssWeights]. Rows with zero gradients add nothing.
-void sssBatchBackward(const SssWeights& weights, int lights, const SssBatch& batch, float* dWeights);
+/// After sssBatchForward: dResidual, dShare -> dCode, and adds to dWeights [kSssAllWeights]. Rows with zero gradients add nothing.
+void sssBatchBackward(const SssWeights& weights, int lights, SssBatch& batch, float* dWeights);
 
 } // namespace nacre

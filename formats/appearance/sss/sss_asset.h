@@ -6,6 +6,8 @@
 //   visibility  [splat][256 or 1024] bytes (visibility_map.h), or absent: every light arrives
 //   network     [kSssNetworkFloats], once: the weights (sss_network.h), then centre and 1 / half-size of the box in which positions are
 //               coded; or absent: what arrives is what the map says, and nothing travels beneath the surface
+//   code        [splat][kSssCodeInputs], and codeWeights [kSssHidden1][kSssCodeInputs], once: what the network knows of each splat
+//               beyond its place and normal; either absent: nothing
 #pragma once
 
 #include "appearance/sss/sss_network.h"
@@ -33,7 +35,8 @@ class SssChannels {
 public:
     explicit SssChannels(const SplatAsset& asset)
         : cloud_(&asset.cloud), base_(asset.find("baseColor")), material_(asset.find("material")), normal_(asset.find("normal")),
-          visibility_(asset.find("visibility")), network_(asset.find("network"))
+          visibility_(asset.find("visibility")), network_(asset.find("network")),
+          code_(asset.find("code")), codeWeights_(asset.find("codeWeights"))
     {
     }
 
@@ -61,11 +64,12 @@ public:
         float in[kSssFixedInputs];
         sssFixedInputs(&cloud_->positions[splat].x, &normal_->values[3 * splat], network() + kSssFrame, in);
         sssNetworkFixed(network(), in, first);
+        if (code_ && codeWeights_) sssNetworkCode(codeWeights_->values.data(), &code_->values[kSssCodeInputs * splat], first);
     }
 
 private:
     const SplatCloud* cloud_;
-    const Channel *base_, *material_, *normal_, *visibility_, *network_;
+    const Channel *base_, *material_, *normal_, *visibility_, *network_, *code_, *codeWeights_;
 };
 
 } // namespace nacre

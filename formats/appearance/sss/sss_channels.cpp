@@ -14,7 +14,9 @@ std::vector<ChannelSpec> sss::channels()
             {"material", {2, 3}}, // without subsurfaceness, with it
             {"normal", {3}},
             {"visibility", {0, 256, 1024}, ChannelType::kUnorm8}, // 0: the channel may be absent
-            {"network", {0, kSssNetworkFloats}, ChannelType::kFloat, true}};
+            {"network", {0, kSssNetworkFloats}, ChannelType::kFloat, true},
+            {"code", {0, kSssCodeInputs}},
+            {"codeWeights", {0, kSssHidden1 * kSssCodeInputs}, ChannelType::kFloat, true}};
 }
 
 } // namespace nacre

@@ -1,13 +1,14 @@
 // The network of the sss model (SSS-GS, section 3.3): what leaves a Gaussian after travelling beneath the surface, and how much
 // of a light arrives. Scalar reference, host and device.
 //
-//   fixed inputs (per Gaussian) + light inputs (per Gaussian and light) -> 64 -> 32 -> 32 -> residual rgb in (0, 1)
+//   fixed inputs and code (per Gaussian) + light inputs (per Gaussian and light) -> 64 -> 32 -> 32 -> residual rgb in (0, 1)
 //                                                                                    \-> 32 -> share in (0, 2)
 //
 // Leaky rectifiers (0.01) between, logistic functions at the ends, so that no input whatever leads out of bounds. The incident
 // term is visibility * share: a network of zeros is plain visibility, so that surface light is there from the first step and the
 // residual has nothing to take over (the collapse that the published code knows). The part of the first layer that a light does
-// not change is computed once per Gaussian: sssNetworkFixed.
+// not change is computed once per Gaussian: sssNetworkFixed, sssNetworkCode. The code is what the four octaves of the position cannot say: what
+// is peculiar to a place finer than a sixteenth of the object, such as relief.
 #pragma once
 
 #include "base/host_device.h"
@@ -19,6 +20,7 @@ namespace nacre {
 constexpr int kSssOctaves = 4;
 constexpr int kSssFixedInputs = 6 * kSssOctaves + 3; // Fourier code of the position, normal
 constexpr int kSssVisibilityInput = 6, kSssNearnessInput = 7, kSssLightInputs = 8; // w_o, w_t, visibility, nearness of the light
+constexpr int kSssCodeInputs = 16; // learnt numbers of each Gaussian, which may be absent
 constexpr int kSssHidden1 = 64, kSssHidden2 = 32, kSssHidden3 = 32, kSssHiddenShare = 32;
 constexpr float kSssLeak = 0.01f;
 
@@ -37,6 +39,8 @@ constexpr int kSssShareBias = kSssShare + kSssHiddenShare * kSssHidden3;
 constexpr int kSssShareOut = kSssShareBias + kSssHiddenShare;
 constexpr int kSssShareOutBias = kSssShareOut + kSssHiddenShare;
 constexpr int kSssWeights = kSssShareOutBias + 1;
+constexpr int kSssCode = kSssWeights; // [kSssHidden1][kSssCodeInputs]: first layer of the code, stored apart
+constexpr int kSssAllWeights = kSssCode + kSssHidden1 * kSssCodeInputs;
 
 /// frame: centre and 1 / half-size of the object, in which the position is measured. All inputs end up in [-1, 1]. The paper adds rotation and
 /// scale of the Gaussian; what leaves a surface does not depend on how it was cut into Gaussians, and the bakes do without them as well.
@@ -86,6 +90,14 @@ template <class T> NACRE_HD inline T sssLogistic(T x)
 template <class T> NACRE_HD inline void sssNetworkFixed(const T* w, const T* fixed, T* first)
 {
     sssLayer(w + kSssFirstFixed, w + kSssFirstBias, fixed, kSssFixedInputs, kSssHidden1, first);
+}
+
+/// Adds a Gaussian's code to the first layer. `w`: [kSssHidden1][kSssCodeInputs].
+template <class T>
+NACRE_HD inline void sssNetworkCode(const T* w, const T* code, T* first)
+{
+    for (int j = 0; j < kSssHidden1; ++j)
+        for (int i = 0; i < kSssCodeInputs; ++i) first[j] += w[j * kSssCodeInputs + i] * code[i];
 }
 
 template <class T> struct SssActivations { // after the rectifiers; what the gradient needs
