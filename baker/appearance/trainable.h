@@ -48,6 +48,8 @@ struct OptionalPart {
     bool bySplat = false; // some splats may do without it
 };
 
+struct ViewEvidence; // evidence.h
+
 class TrainableAppearance {
 public:
     virtual ~TrainableAppearance() = default;
@@ -78,6 +80,14 @@ public:
     virtual const float* resolveBackward(const PixelRays&, const LitView&, const float* planes, const float* dImage) { return (void)planes, dImage; }
     /// Steps every visible splat with active[visible] != 0. Call after forward of the same view.
     virtual void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dChannels) = 0;
+
+    /// Whether useEvidence, with what all views show beyond a render without highlights (hideHighlights), is to be called before the step at `progress`.
+    virtual bool wantsEvidence(double progress) const { return (void)progress, false; }
+    virtual void hideHighlights(bool hidden) { (void)hidden; }
+    virtual void useEvidence(double progress, std::span<const GaussianGeometry<float>> geometry, std::span<const ViewEvidence> views)
+    {
+        (void)progress, (void)geometry, (void)views;
+    }
 
     /// Of those in use now.
     virtual std::vector<OptionalPart> optionalParts() const = 0;

@@ -329,12 +329,12 @@ Action addBake(CLI::App& app)
                     "bigs: spherical harmonics of the view-dependent term s, while it earns its bytes (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));
     sub->add_option("--without", o.without,
-                    "For comparisons: train without these (s: other view dependence, lobe: highlights, forward: light that goes on through hairs and leaves, visibility: hard shadows, "
+                    "For comparisons: train without these (s: other view dependence, lobe: highlights, normal-search: their normals by what all images show, forward: light that goes on through hairs and leaves, visibility: hard shadows, "
                     "sharing: gloss and "
                     "indirect light learnt together by neighbours, schedule: rates of each channel that fall; else plain Adam; "
                     "sss: residual, share, visibility, code: numbers that the network has of each splat, roughness-restart: the trial of starting "
                     "roughness again from 0.2)")
-        ->check(CLI::IsMember({"lobe", "forward", "visibility", "sharing", "schedule", "s", "residual", "share", "code", "roughness-restart"}))
+        ->check(CLI::IsMember({"lobe", "forward", "normal-search", "visibility", "sharing", "schedule", "s", "residual", "share", "code", "roughness-restart"}))
         ->delimiter(',');
     sub->add_option("--dssim", o.dssim, "Weight of 1-SSIM in the loss, 0 to 1 (default: 0, the squared error alone)")
         ->check(numberBetween(0, 1));

@@ -66,6 +66,7 @@ private:
     Result<LossStats> step(double progress);
     void track();
     Status lookAhead(double progress);
+    Status showEvidence(double progress);
     Status checkpoint();
     Result<BakeResult> finish();
     Status tick(const char* stage, double progress);
@@ -178,6 +179,20 @@ Status Bake::lookAhead(double progress)
     return goesOn;
 }
 
+// Takes as long as a pass, likewise.
+Status Bake::showEvidence(double progress)
+{
+    if (!trainer_->appearance().wantsEvidence(progress)) return ok();
+    std::vector<ViewEvidence> views;
+    Status goesOn = ok();
+    const auto goOn = [&] {
+        goesOn = tick("training", progress);
+        return bool(goesOn);
+    };
+    if (steps_->gatherEvidence(state_.step + 1, goOn, views)) trainer_->useEvidence(progress, views);
+    return goesOn;
+}
+
 Result<LossStats> Bake::step(double progress)
 {
     const int next = state_.step + 1;
@@ -216,9 +231,11 @@ Status Bake::train()
             state_.nextTrack = (std::floor(progress / kTrackEvery) + 1) * kTrackEvery;
         }
 
-        if (Status s = lookAhead(progress); !s) {
+        Status ready = lookAhead(progress);
+        if (ready) ready = showEvidence(progress);
+        if (!ready) {
             if (Status written = checkpoint(); !written) return written;
-            return s;
+            return ready;
         }
         auto stats = step(progress);
         if (!stats) return stats.error();

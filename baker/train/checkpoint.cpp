@@ -10,7 +10,7 @@ namespace nacre {
 
 namespace {
 
-constexpr uint32_t kMagic = 0x504b434e, kVersion = 10;
+constexpr uint32_t kMagic = 0x504b434e, kVersion = 11;
 
 Error bad(const std::string& what) { return {ErrorCode::kBadInput, what + "; start again with --restart"}; }
 

@@ -1,5 +1,6 @@
 #include "train/trainer.h"
 
+#include "base/color.h"
 #include "base/random.h"
 #include "splat/morton.h"
 
@@ -24,6 +25,9 @@ const char* stageName(Stage stage)
 }
 
 namespace {
+
+// Of srgbFromLinear.
+float srgbSlope(float linear) { return linear <= 0.0031308f ? 12.92f : 1.055f / 2.4f * std::pow(linear, 1 / 2.4f - 1); }
 
 class StageClock {
 public:
@@ -190,6 +194,47 @@ void Trainer::shareOutErrors(const Camera& camera, const float* image, const Pre
     rasterBackward(visible, builder_.tiles, colors.data(), kChannels, planes.data(), errors.data(), rasterScratch_, dColors_.data(),
                    dSplats_.data());
     for (size_t v = 0; v < visible.count(); ++v) splatErrors[visible.splatFromVisible[v]] += dColors_[v * stride];
+}
+
+// Blending backwards, as above, with three channels per light: residual, slope of the display, saturation.
+ViewEvidence Trainer::evidence(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references)
+{
+    const int channels = 3 * int(lights.size());
+    const size_t pixels = size_t(camera.width) * camera.height, stride = size_t(channelStride(channels));
+    std::vector<float> image;
+    appearance_->hideHighlights(true);
+    render(camera, lights, image);
+    appearance_->hideHighlights(false);
+    std::vector<float> gradients(size_t(channels + 1) * pixels, 0.0f);
+    for (size_t l = 0; l < lights.size(); ++l)
+        for (size_t i = 0; i < pixels; ++i) {
+            if (references[l]->planes[3 * pixels + i] < 32768) continue;
+            constexpr float kWeights[] = {0.2126f, 0.7152f, 0.0722f}, kSaturated = 0.98f;
+            float shown = 0, seen = 0;
+            for (size_t c = 0; c < 3; ++c) {
+                shown += kWeights[c] * std::clamp(image[(3 * l + c) * pixels + i], 0.0f, 1.0f);
+                seen += kWeights[c] * linearFromSrgb(float(references[l]->planes[c * pixels + i]) / 65535.0f);
+            }
+            gradients[3 * l * pixels + i] = seen - shown;
+            gradients[(3 * l + 1) * pixels + i] = srgbSlope(shown);
+            gradients[(3 * l + 2) * pixels + i] = seen > kSaturated ? 1.0f : 0.0f;
+        }
+    const VisibleSplats& visible = builder_.visible;
+    std::vector<float> colors(visible.count() * stride), planes(size_t(channels + 1) * pixels);
+    std::copy_n(image.data() + size_t(channels) * pixels, pixels, planes.data() + size_t(channels) * pixels); // alpha
+    rasterBackward(visible, builder_.tiles, colors.data(), channels, planes.data(), gradients.data(), rasterScratch_, dColors_.data(), dSplats_.data());
+    ViewEvidence out{litView(camera, lights), {}};
+    for (size_t v = 0; v < visible.count(); ++v) {
+        const float weight = dSplats_[v].weight;
+        if (!(weight > kActiveWeight)) continue;
+        SplatEvidence e{visible.splatFromVisible[v], weight, {}, {}, {}};
+        for (size_t l = 0; l < lights.size(); ++l) {
+            const float* d = &dColors_[v * stride + 3 * l];
+            e.residual[l] = d[0] / weight, e.slope[l] = d[1] / weight, e.saturated[l] = std::clamp(d[2] / weight, 0.0f, 1.0f);
+        }
+        out.splats.push_back(e);
+    }
+    return out;
 }
 
 size_t Trainer::lastBlocks() const

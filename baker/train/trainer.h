@@ -1,6 +1,7 @@
 // One bake in progress: geometry and appearance of all splats, and the step that improves them on one view.
 #pragma once
 
+#include "appearance/evidence.h"
 #include "appearance/trainable.h"
 #include "render/raster.h"
 #include "splat/geometry.h"
@@ -45,6 +46,10 @@ public:
 
     /// Renders without learning; planes as rasterForward, three per light plus alpha.
     void render(const Camera& camera, std::span<const Light> lights, std::vector<float>& planes);
+
+    /// What the images of one view show beyond the render without highlights.
+    ViewEvidence evidence(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references);
+    void useEvidence(double progress, std::span<const ViewEvidence> views) { appearance_->useEvidence(progress, geometry_.activated, views); }
 
     /// Splits the splats whose image gradient is largest: into the places of those that contribute nothing, and `grow` new ones.
     void densify(size_t grow);

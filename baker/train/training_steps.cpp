@@ -1,5 +1,7 @@
 #include "train/training_steps.h"
 
+#include <algorithm>
+
 namespace nacre {
 
 constexpr int kRefineLightsEvery = 8;     // steps
@@ -49,6 +51,28 @@ Result<LossStats> TrainingSteps::take(const Trainer::Moment& moment, bool refine
         refinement_->observe(view.images, references,
                              [&](std::span<const Light> l, std::vector<float>& planes) { trainer_.render(camera, l, planes); });
     return trainer_.step(camera, std::span(lights, view.images.size()), references, moment, splatErrors);
+}
+
+bool TrainingSteps::gatherEvidence(int step, const std::function<bool()>& goOn, std::vector<ViewEvidence>& views)
+{
+    constexpr size_t kEnough = 400, kTooFew = 20, kBytes = size_t(512) << 20, kBytesPerSplat = sizeof(SplatEvidence) + 8;
+    const size_t count = std::min({order_.passLength(), kEnough, kBytes / (kBytesPerSplat * std::max<size_t>(trainer_.count(), 1))});
+    if (count < std::min(kTooFew, order_.passLength())) return true;
+    for (size_t k = 0; k < count; ++k) {
+        if (!goOn()) return false;
+        const CameraImages view = order_.at(step + int(k));
+        std::vector<std::shared_ptr<const PreparedImage>> held;
+        const PreparedImage* references[kMaxLightsPerStep];
+        std::vector<Light> lights;
+        for (const uint32_t i : view.images) {
+            const auto image = lost_.count(i) ? Result<std::shared_ptr<const PreparedImage>>(Error{}) : images_.get(i);
+            if (!image) continue; // the next step that needs it says so
+            references[held.size()] = image->get();
+            held.push_back(*image), lights.push_back(refinement_ ? refinement_->light(i) : split_.images[i].light);
+        }
+        if (!held.empty()) views.push_back(trainer_.evidence(split_.cameras[view.camera], lights, references));
+    }
+    return true;
 }
 
 std::vector<UnusableImage> TrainingSteps::lost() const

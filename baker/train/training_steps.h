@@ -7,6 +7,7 @@
 #include "train/trainer.h"
 #include "train/training_images.h"
 
+#include <functional>
 #include <map>
 
 namespace nacre {
@@ -21,6 +22,10 @@ public:
     Result<LossStats> take(const Trainer::Moment& moment);
     /// A step that may be undone: nothing is learned about the lights. splatErrors as Trainer::step.
     Result<LossStats> takeOnTrial(const Trainer::Moment& moment, double* splatErrors);
+
+    /// What the views show beyond a render without highlights: of those of the pass from `step` on, as many as say enough and fit into memory; none
+    /// if those would be too few. False once `goOn`, asked for each view, says no.
+    bool gatherEvidence(int step, const std::function<bool()>& goOn, std::vector<ViewEvidence>& views);
 
     size_t passLength() const { return order_.passLength(); }
     std::vector<UnusableImage> lost() const;
