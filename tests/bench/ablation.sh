@@ -15,6 +15,8 @@ variant() { # name label options...
 }
 variant all "everything"
 variant lobe "no highlights (lobe)" --without lobe
+variant forward "no light through hairs and leaves" --without forward
+variant search "normals of highlights as descent leaves them" --without normal-search
 variant visibility "no hard shadows (visibility)" --without visibility
 variant sharing "neighbours share nothing (gloss, indirect light)" --without sharing
 variant paper "s of the paper, 9 functions, no lobe, no visibility" --without lobe,visibility --s-functions 9
