@@ -101,7 +101,7 @@ public:
 
 struct AppearanceOptions {
     int scatterFunctions = 0;          // bigs: SH functions of s
-    std::vector<std::string> without{}; // for comparisons: optional parts, "code" of sss, "sharing" between neighbours, "schedule": plain Adam with one constant rate
+    std::vector<std::string> without{}; // for comparisons: optional parts, "code" of sss, "normal-search" of highlights, "sharing" between neighbours, "schedule": plain Adam with one constant rate
     float brightness = 1;               // estimate of the mean albedo, to start a dark object dark
     bool lightDistancesVary = false;    // sss: else nothing is to be learnt from how near a light is
     std::vector<glm::vec3> pointLights{}; // of training, each place once: visibility ends at those that stand among the splats
