@@ -323,7 +323,7 @@ Action addBake(CLI::App& app)
         ->check(wholeNumber(0, 4096))
         ->capture_default_str();
     sub->add_option("--seed", o.seed, "Of every random choice")->check(wholeNumber(0, INT64_MAX))->capture_default_str();
-    sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality)")
+    sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality, and no more than the images can resolve)")
         ->check(wholeNumber(1, 100000000));
     sub->add_option("--s-functions", o.sFunctions,
                     "bigs: spherical harmonics of the view-dependent term s, while it earns its bytes (default: from --quality)")

@@ -22,7 +22,8 @@ struct BakeOptions {
     int iterations = 0;                // > 0: instead of minutes; exactly reproducible
     int threads = 0;                   // 0: all cores
     uint64_t seed = 1;
-    int maxSplats = 0;                 // hard cap; 0: from quality
+    int maxSplats = 0;                 // hard cap; 0: from quality, and no more than the images can resolve
+    bool splatsByPixels = false;       // the latter; withDefaults sets it
     int sFunctions = -1;               // 0, 1, 4, 9, 16, 25; -1: from quality
     std::vector<std::string> without;  // for comparisons: see AppearanceOptions
     double dssim = -1;                 // lambda of the loss (loss.h), the weight of 1-SSIM; -1: default

@@ -44,7 +44,7 @@ std::string bakeIdentity(const OlatDataset& dataset, const OlatSplit& split, con
     std::ostringstream text;
     text.precision(17);
     text << "--model " << options.model << "\n--quality " << options.quality << "\n--iterations " << options.iterations << "\n--minutes "
-         << options.minutes << "\n--seed " << options.seed << "\n--max-splats " << options.maxSplats << "\n--s-functions "
+         << options.minutes << "\n--seed " << options.seed << "\n--max-splats " << options.maxSplats << (options.splatsByPixels ? " at most" : "") << "\n--s-functions "
          << options.sFunctions << "\n--dssim " << options.dssim << "\n--refine-lights " << (options.refineLights ? "on" : "off")
          << "\n--without ";
     for (const std::string& part : options.without) text << part << ',';

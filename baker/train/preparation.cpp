@@ -134,12 +134,26 @@ float objectSize(const VisualHull& hull)
     return extent > 0 ? extent : hull.halfSize;
 }
 
-void placeSplats(Preparation& p, const VisualHull& hull, const BakeOptions& options)
+// More splats than pixels of the surface, seen from the nearest camera, only learn noise, which neighbours that answer an unseen light differently show
+// as blotches. (monkey_fur, 128 x 128, 4136 pixels of the object in an image, masked test, highlights invented, 5000 steps: 24000 splats 20.64 dB
+// and 0.058 % after 9721 steps; 8000, 4500 and 2500 splats 21.32, 21.49 and 21.54 dB, 0.040, 0.020 and 0.001 %. Smooth surfaces want more: bunny_wax,
+// 14061 pixels, 3000 steps, 24000 and 16000 splats 30.24 and 30.15 dB; monkey_relief 24000 and 12000 splats 26.72 and 26.39 dB.)
+size_t splatsForPixels(const VisualHull& hull, const std::vector<Camera>& cameras)
 {
-    const size_t count = std::max<size_t>(1, size_t(kInitialShare * options.maxSplats));
+    constexpr double kSplatsPerPixel = 0.45; // of the whole surface, of which a view sees a quarter if it is convex
+    constexpr size_t kLeast = 1000;
+    double pixel = std::numeric_limits<double>::infinity();
+    for (const Camera& c : cameras)
+        pixel = std::min(pixel, glm::distance(glm::dvec3(c.worldFromCamera[3]), glm::dvec3(hull.center[0], hull.center[1], hull.center[2])) / c.fx);
+    return std::max(kLeast, size_t(std::min(kSplatsPerPixel * hull.surfaceArea / (pixel * pixel), 1e9)));
+}
+
+void placeSplats(Preparation& p, const VisualHull& hull)
+{
+    const size_t count = std::max<size_t>(1, size_t(kInitialShare * double(p.trainer.maxSplats)));
     p.flat = !hull.surface.empty();
     p.spacing = float(p.flat ? std::sqrt(hull.surfaceArea / double(count)) : 2.0 * hull.halfSize / std::cbrt(double(count)));
-    p.points = sampleHull(hull, count, options.seed);
+    p.points = sampleHull(hull, count, p.trainer.seed);
 }
 
 // What the object sends back of the light that falls on it: mean radiance against that of a white Lambertian surface at its
@@ -220,10 +234,10 @@ Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& optio
     auto hull = findHull(dataset.frame, *masks, *p.split, p.warnings);
     if (!hull) return hull.error();
     p.center = {hull->center[0], hull->center[1], hull->center[2]};
-    placeSplats(p, *hull, options);
-
     p.trainer.maxSplats = size_t(options.maxSplats);
     p.trainer.seed = options.seed;
+    if (options.splatsByPixels && !hull->surface.empty()) p.trainer.maxSplats = std::min(p.trainer.maxSplats, splatsForPixels(*hull, masks->cameras));
+    placeSplats(p, *hull);
     p.trainer.sceneSize = objectSize(*hull);
     p.trainer.loss.dssim = float(options.dssim);
     if (masks->silhouettes != Silhouettes::kGood) p.trainer.loss.alphaWeight = 0;

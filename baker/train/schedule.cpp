@@ -67,6 +67,7 @@ Result<BakeOptions> withDefaults(BakeOptions options, const OlatDataset& dataset
     const Quality* quality = findQuality(options.quality);
     if (!quality) return Error{ErrorCode::kBadInput, "--quality '" + options.quality + "': expected draft, standard or high"};
     options.iterations = bakeIterations(options, dataset);
+    options.splatsByPixels = options.maxSplats <= 0;
     options.maxSplats = bakeSplats(options);
     if (options.sFunctions < 0) options.sFunctions = quality->sFunctions;
     if (options.dssim < 0) options.dssim = 0;

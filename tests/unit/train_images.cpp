@@ -3,6 +3,7 @@
 
 #include "interchange/png.h"
 #include "train/preparation.h"
+#include "train/schedule.h"
 #include "train/training_steps.h"
 
 #include <doctest/doctest.h>
@@ -140,4 +141,29 @@ TEST_CASE("images that no step could hold in memory are refused with figures, us
     CHECK(bool(checkMemory(camera, size_t(64) << 30)));
     camera.width = camera.height = 2048;
     CHECK(bool(checkMemory(camera, size_t(4) << 30)));
+}
+
+TEST_CASE("splats are no more than the images can resolve, unless their number is given")
+{
+    const auto mostSplats = [](int size, int given) {
+        Folder f("nacre_test_resolution");
+        for (Camera& c : f.train().cameras) c.width = c.height = size, c.fx = c.fy = 1.25 * size, c.cx = c.cy = 0.5 * size;
+        std::vector<uint8_t> rgba(size_t(4 * size * size), 0);
+        for (int y = size / 4; y < 3 * size / 4; ++y)
+            for (int x = size / 4; x < 3 * size / 4; ++x) std::fill_n(&rgba[size_t(4 * (y * size + x))], 4, uint8_t(255));
+        for (const OlatImage& image : f.train().images) REQUIRE(bool(writePng(image.path, size, size, 4, rgba)));
+        BakeOptions options;
+        options.maxSplats = given;
+        const auto full = withDefaults(options, f.dataset);
+        REQUIRE(bool(full));
+        const auto prepared = prepare(f.dataset, *full, [](const char*) { return ok(); });
+        REQUIRE_MESSAGE(prepared, (prepared ? "" : prepared.error().message));
+        return double(prepared->trainer.maxSplats);
+    };
+    const double coarse = mostSplats(64, 0), fine = mostSplats(128, 0);
+    CHECK(coarse > 1000);
+    CHECK(fine / coarse == doctest::Approx(4).epsilon(0.1));
+    CHECK(fine < 24000);
+    CHECK(mostSplats(64, 24000) == 24000);
+    CHECK(mostSplats(1024, 0) == 24000); // of the quality
 }
