@@ -36,6 +36,17 @@ struct Channel {
     size_t sizeInBytes() const { return values.size() * sizeof(float) + bytes.size(); }
 };
 
+/// Channels of every splat as a few small integers. The numbers x of a splat, those of the channels side by side, from its codes c:
+///     x[d] = offset[d] + sum_k c[k] basis[k * numbers + d]
+/// A renderer may keep the codes as they are; expandChannels (appearance/coded_channels.h) makes values of them.
+struct CodedChannels {
+    std::vector<std::string> channels; // e.g. tDir, tInd: these entries of SplatAsset::channels have no values until they are expanded
+    uint32_t numbers = 0, codes = 0;   // per splat
+    std::vector<float> offset;         // [numbers]
+    std::vector<float> basis;          // [codes][numbers]
+    std::vector<int8_t> values;        // [splat][codes]
+};
+
 /// KHR_gaussian_splatting look under one fixed light, for viewers that cannot relight. Linear Rec.709.
 struct NeutralLook {
     int shFunctions = 0;              // 0 (none), 1, 4, 9 or 16
@@ -46,6 +57,9 @@ struct SplatAsset {
     std::string model;                // "bigs" or "sss"
     SplatCloud cloud;
     std::vector<Channel> channels;    // as listed by the model's channel table
+    std::vector<CodedChannels> coded; // of the above, those that are kept as codes
+    int drawnVisibility = 0;          // texels per side of visibility maps that are not stored, because they follow from the splats; 0: none
+    std::string profile = "lossless"; // how the file stores it: lossless | compact | interop
     float lowPassVariance = 0.1f;     // px^2 added to both diagonal entries of the projected covariance, opacity-compensated (mip-splatting)
     glm::quat yUpFromAsset{1, 0, 0, 0}; // the glTF node's rotation: dataset axes -> glTF +Y up
     AssetFrame frame;                 // where the asset lies in the dataset it was baked from
