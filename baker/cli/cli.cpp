@@ -1,8 +1,10 @@
 // Signals, progress, files and checks that every subcommand uses.
 #include "cli.h"
 
+#include "appearance/coded_channels.h"
 #include "asset/asset_io.h"
 #include "base/file.h"
+#include "splat/light_visibility.h"
 
 #include <cerrno>
 #include <cmath>
@@ -150,6 +152,8 @@ Result<AssetFile> openAsset(const std::string& path)
     if (!bytes) return bytes.error();
     auto asset = decodeAsset(*bytes);
     if (!asset) return Error{asset.error().code, "'" + path + "': " + asset.error().message};
+    expandChannels(*asset);
+    drawVisibilityInParallel(*asset);
     return AssetFile{std::move(*bytes), std::move(*asset)};
 }
 

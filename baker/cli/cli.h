@@ -33,6 +33,7 @@ Action addBake(CLI::App& app);
 Action addEval(CLI::App& app);
 Action addRender(CLI::App& app);
 Action addInfo(CLI::App& app);
+Action addPack(CLI::App& app);
 Action addSynth(CLI::App& app);
 
 /// Ctrl-C and SIGTERM from now on only set the returned flag; poll it between pieces of work.

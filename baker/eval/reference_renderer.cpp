@@ -2,6 +2,7 @@
 #include "appearance/model_table.h"
 #include "appearance/reference_model.h"
 #include "eval/splat_renderer.h"
+#include "render/cloud_geometry.h"
 #include "render/reference_raster.h"
 #include "render/tiles.h"
 
@@ -19,13 +20,7 @@ class ReferenceRenderer final : public SplatRenderer {
 public:
     ReferenceRenderer(const SplatAsset& asset) : asset_(asset)
     {
-        const SplatCloud& c = asset_.cloud;
-        geometry_.resize(c.count);
-        for (size_t i = 0; i < c.count; ++i)
-            geometry_[i] = {{c.positions[i].x, c.positions[i].y, c.positions[i].z},
-                            {c.scales[i].x, c.scales[i].y, c.scales[i].z},
-                            {c.rotations[i].w, c.rotations[i].x, c.rotations[i].y, c.rotations[i].z},
-                            c.opacities[i]};
+        geometry_ = geometryOf(asset_.cloud);
         model_ = makeReferenceModel(asset_);
     }
 

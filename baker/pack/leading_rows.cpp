@@ -9,28 +9,33 @@ namespace nacre {
 
 namespace {
 
-template <class T> void reorder(std::vector<T>& rows, const std::vector<uint32_t>& order)
+template <class T> void reorder(std::vector<T>& rows, size_t count, std::span<const uint32_t> order)
 {
     if (rows.empty()) return;
-    const size_t width = rows.size() / order.size();
+    const size_t width = rows.size() / count;
     std::vector<T> out;
-    out.reserve(rows.size());
+    out.reserve(width * order.size());
     for (const uint32_t i : order)
-        out.insert(out.end(), rows.begin() + ptrdiff_t(i * width), rows.begin() + ptrdiff_t((i + 1) * width));
+        if ((i + 1) * width <= rows.size()) out.insert(out.end(), rows.begin() + ptrdiff_t(i * width), rows.begin() + ptrdiff_t((i + 1) * width));
     rows = std::move(out);
 }
 
-void reorder(SplatAsset& asset, const std::vector<uint32_t>& order)
+} // namespace
+
+void reorderSplats(SplatAsset& asset, std::span<const uint32_t> order)
 {
     SplatCloud& cloud = asset.cloud;
-    reorder(cloud.positions, order), reorder(cloud.rotations, order), reorder(cloud.scales, order),
-        reorder(cloud.opacities, order);
-    reorder(asset.neutral.sh, order);
-    for (Channel& c : asset.channels)
-        if (!c.perAsset) reorder(c.values, order), reorder(c.bytes, order);
+    const size_t n = cloud.count;
+    reorder(cloud.positions, n, order), reorder(cloud.rotations, n, order), reorder(cloud.scales, n, order), reorder(cloud.opacities, n, order);
+    reorder(asset.neutral.sh, n, order);
+    for (Channel& c : asset.channels) {
+        if (c.perAsset) continue;
+        const size_t rows = c.rows(n);
+        reorder(c.values, rows, order), reorder(c.bytes, rows, order);
+        if (c.leading > 0) c.leading = size_t(std::count_if(order.begin(), order.end(), [&](uint32_t i) { return i < rows; }));
+    }
+    cloud.count = order.size();
 }
-
-} // namespace
 
 void leaveOutZeroRows(SplatAsset& asset)
 {
@@ -51,7 +56,7 @@ void leaveOutZeroRows(SplatAsset& asset)
             asset.channels.erase(channel);
             continue;
         }
-        reorder(asset, order);
+        reorderSplats(asset, order);
         channel->leading = leading;
         channel->values.resize(leading * channel->components);
     }

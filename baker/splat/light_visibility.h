@@ -1,6 +1,8 @@
 // How much light reaches each splat from each direction, through all other splats: the `visibility` channel of bigs.
 #pragma once
 
+#include "appearance/splat_visibility.h"
+#include "base/octahedral.h"
 #include "render/projection.h"
 
 #include <glm/glm.hpp>
@@ -24,7 +26,7 @@ std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> sp
 /// Along the light, centres of other splats nearer to a splat's own than this shade nothing.
 float visibilityBias(std::span<const GaussianGeometry<float>> splats);
 
-/// Direction (unit) of a place on the map, u and v in [-1, 1]: texel i of n lies at (2 i + 1) / n - 1.
-glm::vec3 octahedralDirection(float u, float v);
+/// drawVisibility on all cores.
+void drawVisibilityInParallel(SplatAsset& asset);
 
 } // namespace nacre

@@ -79,6 +79,38 @@ Status validateCloud(const SplatCloud& cloud)
     return ok();
 }
 
+bool isCoded(const SplatAsset& asset, const Channel& channel)
+{
+    for (const CodedChannels& coded : asset.coded)
+        if (std::find(coded.channels.begin(), coded.channels.end(), channel.name) != coded.channels.end()) return true;
+    return false;
+}
+
+/// Names and shapes; and what the codes stand for is finite and within bounds.
+Status validateCoded(const SplatAsset& asset)
+{
+    for (const CodedChannels& coded : asset.coded) {
+        size_t numbers = 0, rows = 0;
+        for (const std::string& name : coded.channels) {
+            const Channel* channel = asset.find(name.c_str());
+            if (!channel || channel->perAsset || !channel->values.empty() || !channel->bytes.empty()) return bad("channel '" + name + "' cannot be coded");
+            for (const CodedChannels& other : asset.coded)
+                if (&other != &coded && std::find(other.channels.begin(), other.channels.end(), name) != other.channels.end()) return bad("channel '" + name + "' is coded twice");
+            if (numbers > 0 && rows != channel->rows(asset.cloud.count)) return bad("coded channels have different rows");
+            numbers += channel->components, rows = channel->rows(asset.cloud.count);
+        }
+        if (numbers == 0 || coded.codes == 0 || numbers != coded.numbers || coded.offset.size() != numbers || coded.basis.size() != numbers * coded.codes ||
+            coded.values.size() != rows * coded.codes)
+            return bad("coded channels have " + std::to_string(coded.values.size()) + " codes and " + std::to_string(coded.basis.size()) + " numbers of a basis, which do not fit");
+        for (size_t d = 0; d < numbers; ++d) {
+            double largest = std::abs(double(coded.offset[d])); // the sum is NaN if any number is
+            for (size_t k = 0; k < coded.codes; ++k) largest += 128 * std::abs(double(coded.basis[k * numbers + d]));
+            if (!(largest <= double(kLargestNumber))) return bad("coded channels reach values that are not finite or beyond 1e15");
+        }
+    }
+    return ok();
+}
+
 Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
 {
     for (size_t i = 0; i < asset.channels.size(); ++i) {
@@ -102,6 +134,7 @@ Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
         const bool floats = spec->type == ChannelType::kFloat;
         const size_t stored = floats ? channel.values.size() : channel.bytes.size(), other = floats ? channel.bytes.size() : channel.values.size();
         const size_t rows = channel.rows(asset.cloud.count);
+        if (isCoded(asset, channel) && stored == 0 && other == 0) continue;
         if (stored != rows * channel.components || other != 0)
             return bad("channel '" + channel.name + "' has " + std::to_string(channel.values.size()) + " floats and " +
                        std::to_string(channel.bytes.size()) + " bytes, expected " + std::to_string(rows) + (channel.perAsset ? " row x " : " splats x ") +
@@ -160,6 +193,9 @@ Status validate(const SplatAsset& asset)
     if (!model) return unknownModel(asset.model);
     if (Status s = validateCloud(asset.cloud); !s) return s;
     if (Status s = validateChannels(asset, *model); !s) return s;
+    if (Status s = validateCoded(asset); !s) return s;
+    if (asset.drawnVisibility != 0 && ((asset.drawnVisibility != 16 && asset.drawnVisibility != 32) || asset.find("visibility")))
+        return bad("visibility is both stored and to be drawn, or of a size that is neither 16 nor 32");
     if (Status s = validateNeutral(asset); !s) return s;
     if (!(std::isfinite(asset.lowPassVariance) && asset.lowPassVariance >= 0))
         return bad("screen-space filter variance is not finite and >= 0");

@@ -1,6 +1,7 @@
 // The asset's way into bytes, and in and out of files.
 #include "asset/asset_io.h"
 
+#include "appearance/coded_channels.h"
 #include "appearance/model_table.h"
 #include "asset/glb_layout.h"
 #include "base/file.h"
@@ -21,6 +22,7 @@ Result<SplatAsset> readAsset(const std::string& path)
     if (!bytes) return bytes.error();
     Result<SplatAsset> asset = decodeAsset(*bytes);
     if (!asset) return Error{asset.error().code, "'" + path + "': " + asset.error().message};
+    expandChannels(*asset);
     return asset;
 }
 
@@ -37,7 +39,7 @@ AssetSummary summarizeAsset(const SplatAsset& asset)
     const size_t neutralFunctions = size_t(std::max(1, asset.neutral.shFunctions)); // KHR demands degree 0
 
     AssetSummary summary;
-    summary.profile = glb::kLosslessProfile;
+    summary.profile = asset.profile;
     summary.channels.push_back({"geometry", count * sizeof(float) * (3 + 4 + 3 + 1)});
     summary.channels.push_back({"neutralLook", count * sizeof(float) * (3 * neutralFunctions + 4)}); // SH and COLOR_0
     for (const Channel& channel : asset.channels)

@@ -13,6 +13,7 @@ namespace nacre {
 /// Serialises as the `lossless` profile: float32 throughout, deterministic bytes.
 Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset);
 
+/// Coded channels are expanded.
 Result<SplatAsset> readAsset(const std::string& path);
 
 /// Appears atomically: written under a temporary name, flushed, then renamed. Nothing is left behind on failure.

@@ -21,9 +21,9 @@ static_assert(std::endian::native == std::endian::little, "glTF is little-endian
 
 constexpr const char* kSplatExtension = "KHR_gaussian_splatting";
 constexpr const char* kRelightExtension = "NACRE_gaussian_splatting_relight";
-constexpr int kRelightVersion = 4, kOldestRelightVersion = 1;
-constexpr int kFrameVersion = 4, kLeadingVersion = 3, kPlainVersion = 2; // with a dataset frame, with channels of leading splats, with neither
-constexpr const char* kLosslessProfile = "lossless";
+constexpr int kRelightVersion = 5, kOldestRelightVersion = 1;
+constexpr int kCompactVersion = 5, kFrameVersion = 4, kLeadingVersion = 3, kPlainVersion = 2; // profile compact, with a dataset frame, with channels of leading splats, with neither
+constexpr const char *kLosslessProfile = "lossless", *kCompactProfile = "compact";
 
 constexpr const char* kPosition = "POSITION";
 constexpr const char* kColor = "COLOR_0";

@@ -1,6 +1,8 @@
 // Puts a decoded asset on the GPU: geometry as float, the rest as its model wants it.
 #include "asset.h"
 
+#include "appearance/coded_channels.h"
+#include "appearance/splat_visibility.h"
 #include "appearance/visibility_map.h"
 #include "asset/asset_decode.h"
 #include "gl_state.h"
@@ -47,6 +49,8 @@ Failure decode(Context& context, std::span<const std::byte> bytes, std::shared_p
 {
     Result<SplatAsset> decoded = decodeAsset(bytes);
     if (!decoded) return {decodeResult(decoded.error().code), decoded.error().message};
+    expandChannels(*decoded);
+    drawVisibility(*decoded);
     auto asset = std::make_shared<Asset>(context);
     asset->source = std::make_unique<SplatAsset>(std::move(*decoded));
     const SplatAsset& source = *asset->source;

@@ -1,0 +1,45 @@
+// What a packed asset is compared under, and how far it is from the original there.
+#pragma once
+
+#include "base/camera.h"
+#include "base/light.h"
+#include "base/result.h"
+#include "dataset/olat_dataset.h"
+#include "splats/splat_asset.h"
+
+#include <span>
+#include <vector>
+
+namespace nacre {
+
+/// A picture under one light, in the asset's own frame.
+struct PackView {
+    Camera camera;
+    Light light;
+};
+
+/// Cameras and lights all around, for assets without a dataset: in turns a point light three radii away and a directional one, so bright
+/// that bright parts of the object are near white. Deterministic. Error: nothing of the asset shows.
+Result<std::vector<PackView>> viewsAround(const SplatAsset& asset, size_t count);
+
+/// Evenly picked from a split (of the dataset the asset was baked from).
+std::vector<PackView> viewsOf(const OlatSplit& split, const AssetFrame& frame, size_t count);
+
+/// Mean over the views of the squared blending weights of each splat, in display space per pixel of the object: the squared error of images
+/// that a unit of noise in the splat's colour makes. 0 for what is never seen.
+std::vector<float> splatImportance(const SplatAsset& asset, std::span<const PackView> views);
+
+/// Renders of an asset (expanded), to compare others with. Display space: sRGB transfer of clamped radiance; over pixels of the object.
+class PackReference {
+public:
+    static Result<PackReference> render(const SplatAsset& asset, std::vector<PackView> views);
+    /// Mean squared error; over red, green and blue.
+    Result<double> error(const SplatAsset& other) const;
+    std::span<const PackView> views() const { return views_; }
+
+private:
+    std::vector<PackView> views_;
+    std::vector<std::vector<float>> images_; // display rgb and alpha
+};
+
+} // namespace nacre
