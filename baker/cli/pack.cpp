@@ -4,35 +4,60 @@
 #include "asset/asset_io.h"
 #include "base/file.h"
 #include "pack/pack.h"
+#include "pack/pack_curve.h"
 
 #include <cstdio>
 
 namespace nacre::cli {
 
 struct PackArguments {
-    std::string in, out, profile = "compact", against, json;
-    std::string visibility = "drawn32";
+    std::string in, out, profile = "compact", visibility = "drawn32", against, json, curve;
     double maxLoss = 0.3, bytesPerSplat = 0;
     ThreadsOption threads;
 };
 
+static void print(const PackArguments& args, const AssetFile& in, const PackResult& packed)
+{
+    std::printf("%s: %zu splats, %zu bytes (%.1f per splat; before %zu, %.1f), %.1f dB from the input\n", args.out.c_str(), packed.splats, packed.file.size(),
+                double(packed.file.size()) / double(packed.splats), in.bytes.size(), double(in.bytes.size()) / double(in.asset.cloud.count), packed.psnr);
+    std::printf("an asset 30 dB from the truth loses %.3f dB\n", packed.lossDecibel);
+    if (packed.pruned > 0) std::printf("%zu splats are never seen and were left out\n", packed.pruned);
+    for (const std::string& name : packed.leftOut) std::printf("%s does not earn its bytes and was left out\n", name.c_str());
+    std::printf("%-24s %10s  %8s  %s\n", "part", "bytes", "per splat", "loss without it [dB]");
+    for (const PackedPart& p : packed.parts)
+        std::printf("%-24s %10zu  %8.2f  %s\n", p.name.c_str(), p.bytes, double(p.bytes) / double(packed.splats), p.lossWithout < 0 ? "-" : format("%.3f", p.lossWithout).c_str());
+}
+
+static Json figures(const PackArguments& args, const PackResult& packed)
+{
+    Json channels = Json::array(), curve = Json::array();
+    for (const PackedPart& p : packed.parts) channels.push_back({{"name", p.name}, {"bytes", p.bytes}, {"loss_db", p.lossWithout < 0 ? Json(nullptr) : Json(p.lossWithout)}});
+    for (const PackPoint& p : packed.curve) curve.push_back({{"bytes_per_splat", p.bytesPerSplat}, {"loss_db", p.lossDecibel}});
+    return {{"profile", args.profile},       {"splats", packed.splats},   {"asset_bytes", packed.file.size()}, {"bytes_per_splat", double(packed.file.size()) / double(packed.splats)},
+            {"loss_db", packed.lossDecibel}, {"psnr_to_input", packed.psnr}, {"pruned", packed.pruned},        {"left_out", packed.leftOut},
+            {"channels", channels},          {"curve", curve}};
+}
+
 static Status runPack(const PackArguments& args)
 {
     const auto threads = limitThreads(args.threads.count);
-    for (const std::string& path : {args.out, args.json})
+    for (const std::string& path : {args.out, args.json, args.curve})
         if (Status s = checkWritable(path); !s) return s;
     const auto file = openAsset(args.in);
     if (!file) return file.error();
     if (args.profile == "lossless") return writeAsset(file->asset, args.out);
 
     PackOptions options;
-    options.maxLossDecibel = args.maxLoss, options.bytesPerSplat = args.bytesPerSplat;
+    options.maxLossDecibel = args.maxLoss, options.bytesPerSplat = args.bytesPerSplat, options.curve = !args.curve.empty();
     options.drawnVisibility = args.visibility == "stored" ? 0 : args.visibility == "drawn16" ? 16 : 32;
     OlatDataset dataset;
     if (!args.against.empty()) {
         Result<OlatDataset> opened = openDataset(args.against);
         if (!opened) return opened.error();
-        dataset = std::move(*opened), options.against = &dataset;
+        dataset = std::move(*opened);
+        const auto train = findSplit(dataset, "train");
+        if (!train) return train.error();
+        options.seen = *train;
     }
     Progress progress;
     options.progress = [&](const std::string& text) { progress.show(text); };
@@ -41,15 +66,10 @@ static Status runPack(const PackArguments& args)
     if (!packed) return packed.error();
     for (const std::string& line : packed->warnings) warn(line);
     if (Status s = writeFileAtomically(args.out, packed->file); !s) return s;
-
-    const double perSplat = double(packed->file.size()) / double(packed->splats);
-    std::printf("%s: %zu splats (%zu never seen left out), %zu bytes (%.1f per splat, before %.1f), %.1f dB from the input; an asset 30 dB from the truth loses %.3f dB\n",
-                args.out.c_str(), packed->splats, packed->pruned, packed->file.size(), perSplat, double(file->bytes.size()) / double(file->asset.cloud.count), packed->psnr,
-                packed->lossDecibel);
-    for (const PackedChannel& c : packed->channels)
-        std::printf("%-20s %9zu bytes, %5.1f bits per splat, rounding costs %.3f dB\n", c.name.c_str(), c.bytes, 8 * double(c.bytes) / double(packed->splats), c.lossDecibel);
-    for (const PackPoint& p : packed->curve) std::printf("  %7.1f bytes per splat: %.3f dB\n", p.bytesPerSplat, p.lossDecibel);
-    return ok();
+    print(args, *file, *packed);
+    if (!args.curve.empty())
+        if (Status s = writeCurve(packed->curve, args.curve); !s) return s;
+    return args.json.empty() ? ok() : writeJson(figures(args, *packed), args.json);
 }
 
 Action addPack(CLI::App& app)
@@ -61,9 +81,10 @@ Action addPack(CLI::App& app)
     sub->add_option("--profile", args->profile, "compact: quantised and entropy-coded; lossless: float32")->check(CLI::IsMember({"compact", "lossless"}))->capture_default_str();
     auto* loss = sub->add_option("--max-loss-db", args->maxLoss, "Loss of PSNR that is allowed, for an asset 30 dB from the truth [dB]")->check(numberBetween(0.001, 20))->capture_default_str();
     sub->add_option("--bytes-per-splat", args->bytesPerSplat, "Size of the file to aim at instead [bytes per splat]")->check(numberBetween(4, 5000))->excludes(loss);
-    sub->add_option("--visibility", args->visibility, "drawn32, drawn16: none in the file, readers draw maps of so many texels a side from the splats; stored: codes")
+    sub->add_option("--visibility", args->visibility, "drawn32, drawn16: none in the file, readers draw maps of so many texels a side from the splats; stored: codes, more bytes but quick to load")
         ->check(CLI::IsMember({"drawn32", "drawn16", "stored"}))->capture_default_str();
     sub->add_option("--against", args->against, "Dataset the asset was baked from: bits go where its train cameras and lights show them (default: views all around)");
+    sub->add_option("--curve", args->curve, "Write bytes per splat and loss at other sizes, too: FILE.csv, and FILE.svg beside it");
     sub->add_option("--json", args->json, "Write the figures to this file");
     args->threads.addTo(*sub);
     return [args] { return runPack(*args); };

@@ -1,111 +1,201 @@
 #include "pack/pack.h"
 
 #include "appearance/coded_channels.h"
-#include "asset/asset_decode.h"
+#include "appearance/model_table.h"
 #include "pack/pack_views.h"
-#include "splat/light_visibility.h"
+#include "pack/quantise.h"
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <optional>
 
 namespace nacre {
 
 namespace {
 
-constexpr size_t kViews = 16, kImportanceViews = 48;
+constexpr size_t kViews = 12, kImportanceViews = 48;
 
 double lossOf(double error) { return 10 * std::log10(1 + error / kTypicalError); }
+
+SplatAsset withoutChannel(SplatAsset asset, const std::string& name)
+{
+    std::erase_if(asset.channels, [&](const Channel& c) { return c.name == name; });
+    return asset;
+}
+
+bool mayBeAbsent(const SplatAsset& asset, const Channel& channel)
+{
+    for (const ChannelSpec& spec : findAppearanceModel(asset.model)->channels)
+        if (channel.name == spec.name) return spec.components[0] == 0;
+    return false;
+}
 
 /// One asset at different steps, and what they cost.
 class Packer {
 public:
-    Packer(const SplatAsset& asset, PackReference reference, std::vector<float> importance, int drawnVisibility)
-        : reference_(std::move(reference)), source_(prepareForQuantising(asset, std::move(importance), drawnVisibility))
-    {
-    }
+    Packer(QuantSource source, const PackReference& reference) : source_(std::move(source)), reference_(&reference) {}
 
     struct Trial {
         QuantisedAsset quantised;
         std::vector<std::byte> file;
-        double error = 0;
+        double error = 0, each = 0;
+        double bytesPerSplat() const { return double(file.size()) / double(quantised.frame.cloud.count); }
     };
 
     const QuantSource& source() const { return source_; }
 
-    Result<Trial> at(const std::vector<double>& steps) const
+    /// Measures what rounding costs; first at steps that are about right, then at those that will be used.
+    Status calibrate()
+    {
+        steps_.clear();
+        for (const QuantGroup& g : source_.groups) steps_.push_back(g.firstStep);
+        if (Status s = measure(); !s) return s;
+        constexpr double kAbout = 2e-6; // 0.3 dB over the numbers of a splat
+        steps_ = balanced(kAbout);
+        return measure();
+    }
+
+    /// Every number adds an error of `each`.
+    Result<Trial> at(double each) const
     {
         Trial trial;
-        trial.quantised = quantise(source_, steps);
+        trial.each = each;
+        trial.quantised = quantise(source_, balanced(each));
         Result<std::vector<std::byte>> file = encodeCompact(trial.quantised);
         if (!file) return file.error();
         trial.file = std::move(*file);
         Result<SplatAsset> asset = dequantise(trial.quantised);
         if (!asset) return asset.error();
         expandChannels(*asset);
-        reuseMaps(*asset);
-        const Result<double> error = reference_.error(*asset);
+        if (asset->drawnVisibility > 0) // maps hardly change with the rounding of splats: those at hand serve
+            asset->channels.push_back(*source_.asset.find("visibility")), asset->drawnVisibility = 0;
+        const Result<double> error = reference_->error(*asset);
         if (!error) return error.error();
         trial.error = *error;
         return trial;
     }
 
-    /// The error of each group's rounding alone; `steps` as they are tried.
-    Result<std::vector<double>> errorsByGroup(const std::vector<double>& steps) const
+    Result<double> errorWithout(const std::string& channel) const
     {
-        std::vector<double> errors;
-        for (size_t g = 0; g < steps.size(); ++g) {
-            const SplatAsset alone = onlyGroup(g, steps[g]);
-            const Result<double> error = reference_.error(alone);
-            if (!error) return error.error();
-            errors.push_back(*error);
-        }
-        return errors;
+        SplatAsset asset = withoutChannel(source_.asset, channel);
+        asset.drawnVisibility = 0;
+        return reference_->error(asset);
     }
 
 private:
-    /// Maps follow from the splats, but hardly change with their rounding: searching reuses those at hand.
-    void reuseMaps(SplatAsset& asset) const
+    std::vector<double> balanced(double each) const
     {
-        if (asset.drawnVisibility == 0) return;
-        asset.channels.push_back(*source_.asset.find("visibility"));
-        asset.drawnVisibility = 0;
+        std::vector<double> steps;
+        for (size_t g = 0; g < steps_.size(); ++g) {
+            const double wanted = each * source_.groups[g].activeNumbers;
+            const double factor = errors_[g] > 0 ? std::sqrt(wanted / errors_[g]) : 64.0;
+            steps.push_back(steps_[g] * std::clamp(factor, 1.0 / 256, 64.0));
+        }
+        return steps;
     }
 
+    Status measure()
+    {
+        errors_.clear();
+        for (size_t g = 0; g < steps_.size(); ++g) {
+            const Result<double> error = reference_->error(onlyGroup(g, steps_[g]));
+            if (!error) return error.error();
+            errors_.push_back(*error);
+        }
+        return ok();
+    }
+
+    /// The source with one group rounded.
     SplatAsset onlyGroup(size_t g, double step) const
     {
-        QuantSource one = {source_.asset, source_.importance, {source_.groups[g]}};
         SplatAsset asset = source_.asset;
         asset.drawnVisibility = 0;
-        const QuantisedAsset quantised = quantise(one, {step});
-        for (const BlockTarget& target : source_.groups[g].targets)
-            for (Channel& c : asset.channels)
-                if (c.name == target.name && c.bytes.empty() == false) c.bytes.clear();
-        Result<BlockWriter> writer = BlockWriter::create(asset, quantised.blocks[0]);
+        const QuantisedAsset quantised = quantise({asset, source_.importance, {source_.groups[g]}}, {step});
         const Block& block = quantised.blocks[0];
-        for (uint32_t k = 0; k < block.columns; ++k) writer->column(k, std::span(block.codes).subspan(k * writer->rows(), writer->rows()));
+        for (Channel& c : asset.channels)
+            if (c.name == block.targets[0].name && !block.basis.empty()) c.values.clear(), c.bytes.clear();
+        Result<BlockWriter> writer = BlockWriter::create(asset, block);
+        const size_t rows = writer->rows();
+        for (uint32_t k = 0; k < block.columns; ++k) writer->column(k, std::span(block.codes).subspan(k * rows, rows));
         writer->finish();
-        for (const CodedChannels& coded : asset.coded)
-            for (Channel& c : asset.channels)
-                if (c.name == coded.channels[0]) c.values.clear();
         expandChannels(asset);
         return asset;
     }
 
-    PackReference reference_;
     QuantSource source_;
+    const PackReference* reference_;
+    std::vector<double> steps_, errors_; // by group, as measured
 };
 
-/// Steps at which every number of every group adds as much error, `each`: then no bit is better spent elsewhere.
-std::vector<double> balanced(const QuantSource& source, const std::vector<double>& tried, const std::vector<double>& errors, double each)
+/// How far a trial is from its bound: below 0 it keeps it. Falls, or grows, smoothly with log2 of the error that each number adds.
+struct Bound {
+    double error = 0, bytesPerSplat = 0; // one of them
+    double excess(const Packer::Trial& t) const { return bytesPerSplat > 0 ? t.bytesPerSplat() / bytesPerSplat - 1 : std::log2(std::max(t.error, 1e-12) / error); }
+    double slope() const { return bytesPerSplat > 0 ? -0.15 : 1; } // of the excess, about
+    double slack() const { return bytesPerSplat > 0 ? 0.015 : 0.1; }
+};
+
+Result<Packer::Trial> search(const Packer& packer, const Bound& bound, const std::function<void(const std::string&)>& say)
 {
-    std::vector<double> steps;
-    for (size_t g = 0; g < tried.size(); ++g) {
-        const double wanted = each * source.groups[g].activeNumbers;
-        const double factor = errors[g] > 0 ? std::sqrt(wanted / errors[g]) : 64.0; // error grows as the square of the step
-        steps.push_back(tried[g] * std::clamp(factor, 1.0 / 256, 64.0));
+    constexpr int kTrials = 7;
+    constexpr double kFinest = -34, kCoarsest = -8; // log2 of an error
+    double numbers = 0;
+    for (const QuantGroup& g : packer.source().groups) numbers += g.activeNumbers;
+    double x = std::log2(bound.error > 0 ? bound.error / numbers : 2e-6);
+    std::optional<Packer::Trial> best;
+    double lastX = 0, lastExcess = 0;
+    for (int i = 0; i < kTrials; ++i) {
+        say("packing, trial " + std::to_string(i + 1));
+        Result<Packer::Trial> trial = packer.at(std::exp2(x));
+        if (!trial) return trial;
+        const double excess = bound.excess(*trial);
+        const auto better = [&] { // of two that keep the bound, the one nearer to it; else the one that breaks it less
+            const double other = bound.excess(*best);
+            return excess <= 0 ? other > 0 || excess > other : excess < other;
+        };
+        if (!best || better()) best = std::move(*trial);
+        if (excess <= 0 && excess > -bound.slack()) break;
+        double slope = i > 0 && x != lastX ? (excess - lastExcess) / (x - lastX) : bound.slope();
+        if (!(slope / bound.slope() > 0.1)) slope = bound.slope();
+        lastX = x, lastExcess = excess;
+        x = std::clamp(x + std::clamp((-0.5 * bound.slack() - excess) / slope, -6.0, 6.0), kFinest, kCoarsest);
+        if (x == lastX) break;
     }
-    return steps;
+    return std::move(*best);
 }
+
+std::string nameOf(const Block& block)
+{
+    std::string name;
+    for (const BlockTarget& t : block.targets) name += (name.empty() ? "" : "+") + t.name;
+    return name;
+}
+
+/// What each part takes and is worth. Several blocks of a channel: together.
+Result<std::vector<PackedPart>> partsOf(const Packer& packer, const Packer::Trial& trial)
+{
+    std::vector<PackedPart> parts;
+    for (const Block& block : trial.quantised.blocks) {
+        const std::string name = nameOf(block);
+        const auto same = std::find_if(parts.begin(), parts.end(), [&](const PackedPart& p) { return p.name == name; });
+        if (same == parts.end()) parts.push_back({name, encodedBytes(block)});
+        else same->bytes += encodedBytes(block);
+    }
+    const SplatAsset& asset = packer.source().asset;
+    for (const Channel& channel : asset.channels) {
+        if (!mayBeAbsent(asset, channel)) continue;
+        const Result<double> error = packer.errorWithout(channel.name);
+        if (!error) return error.error();
+        auto part = std::find_if(parts.begin(), parts.end(), [&](const PackedPart& p) { return p.name == channel.name; });
+        if (part == parts.end()) part = parts.insert(parts.end(), PackedPart{channel.name});
+        part->lossWithout = lossOf(*error);
+    }
+    return parts;
+}
+
+/// At the balance of steps one bit a splat less costs this much error (at high rate the error is 2^(-2 bits)).
+double errorPerBit(const Packer::Trial& trial) { return 2 * std::numbers::ln2 * trial.each; }
 
 } // namespace
 
@@ -114,66 +204,62 @@ Result<PackResult> packCompact(const SplatAsset& asset, const PackOptions& optio
     const auto say = [&](const std::string& text) {
         if (options.progress) options.progress(text);
     };
+    if (Status s = validate(asset); !s) return s.error();
     say("rendering the input");
-    const OlatSplit* seen = options.against ? options.against->find("train") : nullptr;
-    std::vector<PackView> views, many;
-    if (seen) views = viewsOf(*seen, asset.frame, kViews), many = viewsOf(*seen, asset.frame, kImportanceViews);
-    if (views.empty()) {
+    std::vector<PackView> many = options.seen ? viewsOf(*options.seen, asset.frame, kImportanceViews) : std::vector<PackView>();
+    if (many.empty()) {
         Result<std::vector<PackView>> around = viewsAround(asset, kImportanceViews);
         if (!around) return around.error();
         many = std::move(*around);
-        for (size_t i = 0; i < kViews; ++i) views.push_back(many[i * many.size() / kViews]);
     }
-    Result<PackReference> reference = PackReference::render(asset, views);
+    std::vector<PackView> views;
+    for (size_t i = 0; i < std::min(kViews, many.size()); ++i) views.push_back(many[i * many.size() / std::min(kViews, many.size())]);
+    const Result<PackReference> reference = PackReference::render(asset, views);
     if (!reference) return reference.error();
-    const Packer packer(asset, std::move(*reference), splatImportance(asset, many), options.drawnVisibility);
+    const std::vector<float> importance = splatImportance(asset, many);
 
-    say("measuring what each channel's rounding shows");
-    std::vector<double> steps;
-    for (const QuantGroup& g : packer.source().groups) steps.push_back(g.firstStep);
-    Result<std::vector<double>> errors = packer.errorsByGroup(steps);
-    if (!errors) return errors.error();
-    steps = balanced(packer.source(), steps, *errors, 2e-6); // a second look where it will be used
-    errors = packer.errorsByGroup(steps);
-    if (!errors) return errors.error();
-
-    // Bisection of the one number that is left, in powers of two.
-    const size_t splats = packer.source().asset.cloud.count;
-    const double allowed = kTypicalError * (std::pow(10.0, options.maxLossDecibel / 10) - 1);
-    double low = -30, high = -8; // log2 of the error each number may add
+    const Bound bound = options.bytesPerSplat > 0 ? Bound{0, options.bytesPerSplat} : Bound{kTypicalError * (std::pow(10.0, options.maxLossDecibel / 10) - 1), 0};
     PackResult result;
-    Packer::Trial best;
-    std::vector<double> bestSteps;
-    for (int i = 0; i < 7; ++i) {
-        const double middle = 0.5 * (low + high);
-        say("packing, " + std::to_string(i + 1) + " of 7");
-        const std::vector<double> at = balanced(packer.source(), steps, *errors, std::exp2(middle));
-        Result<Packer::Trial> trial = packer.at(at);
-        if (!trial) return trial.error();
-        const double bytes = double(trial->file.size()) / double(splats);
-        result.curve.push_back({bytes, lossOf(trial->error)});
-        const bool fits = options.bytesPerSplat > 0 ? bytes <= options.bytesPerSplat : trial->error <= allowed;
-        const bool finer = options.bytesPerSplat > 0 ? fits : !fits;
-        (finer ? high : low) = middle;
-        if (fits || best.file.empty()) best = std::move(*trial), bestSteps = at;
+    SplatAsset input = asset;
+    std::optional<Packer> packer;
+    std::optional<Packer::Trial> best;
+    for (bool leavesOut = true; leavesOut;) {
+        say("measuring what rounding shows");
+        packer.emplace(prepareForQuantising(input, importance, options.drawnVisibility), *reference);
+        if (Status s = packer->calibrate(); !s) return s.error();
+        Result<Packer::Trial> found = search(*packer, bound, say);
+        if (!found) return found.error();
+        best = std::move(*found);
+        say("measuring what each part is worth");
+        Result<std::vector<PackedPart>> parts = partsOf(*packer, *best);
+        if (!parts) return parts.error();
+        result.parts = std::move(*parts);
+        // A part whose bytes would do more good elsewhere goes; one at a time, as they stand in for each other.
+        leavesOut = false;
+        for (const PackedPart& part : result.parts) {
+            if (part.lossWithout < 0 || part.bytes == 0) continue;
+            const double bits = 8 * double(part.bytes) / double(packer->source().asset.cloud.count);
+            if (kTypicalError * (std::pow(10.0, part.lossWithout / 10) - 1) >= bits * errorPerBit(*best)) continue;
+            input = withoutChannel(std::move(input), part.name);
+            result.leftOut.push_back(part.name), leavesOut = true;
+            break;
+        }
     }
+    result.curve.push_back({best->bytesPerSplat(), lossOf(best->error)});
+    if (options.curve)
+        for (const double x : {-9.0, -6.0, -4.0, -2.0, 2.0, 4.0, 6.0, 9.0}) {
+            say("measuring other sizes");
+            const Result<Packer::Trial> other = packer->at(best->each * std::exp2(x));
+            if (!other) return other.error();
+            result.curve.push_back({other->bytesPerSplat(), lossOf(other->error)});
+        }
     std::sort(result.curve.begin(), result.curve.end(), [](const PackPoint& a, const PackPoint& b) { return a.bytesPerSplat < b.bytesPerSplat; });
-    result.lossDecibel = lossOf(best.error), result.psnr = -10 * std::log10(std::max(best.error, 1e-12));
-    if (options.bytesPerSplat > 0 && double(best.file.size()) > options.bytesPerSplat * double(splats))
-        result.warnings.push_back("no packing needs less than " + std::to_string(double(best.file.size()) / double(splats)) + " bytes a splat");
-    if (options.bytesPerSplat <= 0 && best.error > allowed) result.warnings.push_back("the loss stays above what was asked for");
-    Result<std::vector<double>> alone = packer.errorsByGroup(bestSteps);
-    if (!alone) return alone.error();
-    for (size_t g = 0; g < bestSteps.size(); ++g) result.channels.push_back({packer.source().groups[g].name, 0, lossOf((*alone)[g])});
-    for (const Block& block : best.quantised.blocks) // those that share a basis: with the first
-        for (size_t g = 0; g < bestSteps.size(); ++g)
-            if (packer.source().groups[g].targets[0] == block.targets[0]) result.channels[g].bytes = encodedBytes(block);
-    Result<SplatAsset> decoded = decodeAsset(best.file);
-    if (!decoded) return decoded.error();
-    expandChannels(*decoded);
-    drawVisibilityInParallel(*decoded);
-    result.splats = splats, result.pruned = asset.cloud.count - splats;
-    result.file = std::move(best.file), result.asset = std::move(*decoded);
+    if (bound.excess(*best) > 0)
+        result.warnings.push_back(options.bytesPerSplat > 0 ? "the file has " + std::to_string(best->bytesPerSplat()) + " bytes a splat: it cannot be made smaller"
+                                                            : "the loss is " + std::to_string(lossOf(best->error)) + " dB: it does not get smaller with more bytes");
+    result.splats = packer->source().asset.cloud.count, result.pruned = asset.cloud.count - result.splats;
+    result.lossDecibel = lossOf(best->error), result.psnr = -10 * std::log10(std::max(best->error, 1e-12));
+    result.file = std::move(best->file);
     return result;
 }
 
