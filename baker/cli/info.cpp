@@ -119,7 +119,7 @@ static Status assetInfo(const InfoArguments& args)
     const auto file = openAsset(args.path);
     if (!file) return file.error();
     const SplatAsset& asset = file->asset;
-    const AssetSummary summary = summarizeAsset(asset);
+    const AssetSummary summary = summarizeAsset(asset, file->bytes);
     const size_t splats = asset.cloud.count, bytes = file->bytes.size();
     const double perSplat = double(bytes) / double(splats);
     std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat), profile %s\n", args.path.c_str(), asset.model.c_str(), splats,

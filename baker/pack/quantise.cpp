@@ -88,7 +88,7 @@ std::vector<QuantGroup> groupsOf(const SplatAsset& asset)
         } else if (n == 1 || c.name == "material") group("", 0, n, BlockTransform::kLinear, "", n, 0.1 * spread(0, n));
         else {
             const bool transport = c.name == "tDir" || c.name == "tInd";
-            group("", 0, n, BlockTransform::kLinear, transport ? "transport" : c.name, c.name == "tDir" ? 16 : c.name == "tInd" ? 16 : std::min(16u, n), 0.4 * spread(0, n));
+            group("", 0, n, BlockTransform::kLinear, transport ? "transport" : c.name, c.bytes.empty() ? std::min(16u, n) : 64, 0.4 * spread(0, n));
         }
     }
     return groups;

@@ -3,7 +3,10 @@
 
 #include "appearance/coded_channels.h"
 #include "appearance/model_table.h"
+#include "appearance/splat_visibility.h"
+#include "asset/glb_json.h"
 #include "asset/glb_layout.h"
+#include "base/glb_container.h"
 #include "base/file.h"
 
 #include <algorithm>
@@ -13,7 +16,10 @@ namespace nacre {
 Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset)
 {
     if (Status s = validate(asset); !s) return s.error();
-    return glb::write(asset);
+    if (asset.coded.empty() && asset.drawnVisibility == 0) return glb::write(asset);
+    SplatAsset full = asset;
+    expandChannels(full), drawVisibility(full);
+    return glb::write(full);
 }
 
 Result<SplatAsset> readAsset(const std::string& path)
@@ -33,13 +39,35 @@ Status writeAsset(const SplatAsset& asset, const std::string& path)
     return writeFileAtomically(path, *bytes);
 }
 
-AssetSummary summarizeAsset(const SplatAsset& asset)
+/// Of a file that has been read without errors.
+static std::vector<AssetSummary::ChannelBytes> blocksOf(std::span<const std::byte> file)
+{
+    std::vector<AssetSummary::ChannelBytes> out;
+    const Result<GlbChunks> chunks = splitGlb(file);
+    if (!chunks) return out;
+    const glb::json document = glb::parseJson(chunks->json);
+    for (const glb::json& primitive : document["meshes"][0]["primitives"])
+        for (const glb::json& block : primitive["extensions"][glb::kSplatExtension]["extensions"][glb::kRelightExtension]["blocks"]) {
+            std::string name;
+            for (const glb::json& target : block["targets"]) name += (name.empty() ? "" : "+") + target["name"].get<std::string>();
+            const size_t bytes = glb::bufferView(document, chunks->bin, block["bufferView"].get<size_t>()).bytes.size();
+            if (!out.empty() && out.back().name == name) out.back().bytes += bytes;
+            else out.push_back({name, bytes});
+        }
+    return out;
+}
+
+AssetSummary summarizeAsset(const SplatAsset& asset, std::span<const std::byte> file)
 {
     const size_t count = asset.cloud.count;
     const size_t neutralFunctions = size_t(std::max(1, asset.neutral.shFunctions)); // KHR demands degree 0
 
     AssetSummary summary;
     summary.profile = asset.profile;
+    if (asset.profile == glb::kCompactProfile && !file.empty()) {
+        summary.channels = blocksOf(file);
+        return summary;
+    }
     summary.channels.push_back({"geometry", count * sizeof(float) * (3 + 4 + 3 + 1)});
     summary.channels.push_back({"neutralLook", count * sizeof(float) * (3 * neutralFunctions + 4)}); // SH and COLOR_0
     for (const Channel& channel : asset.channels)

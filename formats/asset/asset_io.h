@@ -5,6 +5,7 @@
 #include "asset/asset_decode.h"
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,8 +24,9 @@ Status writeAsset(const SplatAsset& asset, const std::string& path);
 struct AssetSummary {
     struct ChannelBytes { std::string name; size_t bytes; };
     std::string profile;
-    std::vector<ChannelBytes> channels; // geometry, neutral look and every model channel
+    std::vector<ChannelBytes> channels; // geometry, neutral look and every model channel; of profile compact: blocks, as stored
 };
-AssetSummary summarizeAsset(const SplatAsset& asset);
+/// `file`: the bytes that `asset` was read from; may be empty for one that would be written losslessly.
+AssetSummary summarizeAsset(const SplatAsset& asset, std::span<const std::byte> file = {});
 
 } // namespace nacre

@@ -66,12 +66,12 @@ nan_exr() {
     for ((y = 0; y < 128; ++y)); do printf '%b' "\\x$(printf %02x $y)\\x00\\x00\\x00\\x00\\x04\\x00\\x00$line"; done >>"$1"
 }
 
-bake=("$nacre" bake "$sample" --max-splats 400 --s-functions 4)
+bake=("$nacre" bake "$sample" --max-splats 400 --s-functions 4 --profile lossless)
 
 echo "-- arguments"
 expect 0 "" "$nacre" --help
 expect 0 "" "$nacre" --version
-for command in synth bake eval render info; do
+for command in synth bake eval render info pack; do
     expect 0 "" "$nacre" $command --help
     expect 2 "--nosuch" "$nacre" $command a b -o c --nosuch
 done
@@ -215,7 +215,7 @@ rm -rf set shards liked scattering full_set stopped sss.json
 echo "-- bake"
 mkdir one two stop full
 # past the first densification, which is where an order that depends on threads would show
-grown=("$nacre" bake "$sample" --max-splats 800 --s-functions 4 --iterations)
+grown=("$nacre" bake "$sample" --max-splats 800 --s-functions 4 --profile lossless --iterations)
 expect 0 "" "${grown[@]}" 1 -o one/g.glb --json start.json
 expect 0 "" "${grown[@]}" 220 -o one/g.glb --threads 1 --json grown.json
 expect 0 "" "${grown[@]}" 220 -o two/g.glb --threads 2
@@ -312,8 +312,34 @@ for bytes in 0 4 12 20 1000; do
     expect 2 "cut.glb" "$nacre" render cut.glb -o c.png
 done
 
+echo "-- pack"
+expect 0 "" "$nacre" pack $asset -o one/small.glb --threads 1 --json pack.json --curve curve.csv
+keys pack.json 2 profile splats asset_bytes bytes_per_splat loss_db psnr_to_input pruned left_out channels curve
+[ -s curve.csv ] && [ -s curve.svg ] || fail "pack --curve wrote no table or no picture"
+expect 0 "" "$nacre" pack $asset -o two/small.glb --threads 2
+cmp one/small.glb two/small.glb || fail "1 and 2 threads pack differently"
+[ $((10 * $(stat -c %s one/small.glb))) -lt $(stat -c %s $asset) ] || fail "packed, the asset is not a tenth as large"
+for renderer in gl reference; do
+    expect 0 "" "$nacre" eval one/small.glb "$sample" --renderer $renderer --frames 0 --json eval_$renderer.json
+    expect 0 "" "$nacre" eval $asset "$sample" --renderer $renderer --frames 0 --json eval.json
+    awk -F'[:,]' '/"psnr_masked"/ { v[++n] = $2 } END { exit !(v[1] > v[2] - 0.6) }' eval_$renderer.json eval.json || fail "packed, the asset loses more than 0.6 dB ($renderer)"
+done
+expect 0 "" "$nacre" pack $asset -o one/sized.glb --bytes-per-splat 40 --against "$sample"
+expect 0 "" "$nacre" pack $asset -o one/stored.glb --visibility stored
+expect 0 "" "$nacre" pack one/small.glb -o one/large.glb --profile lossless
+expect 0 "compact" "$nacre" info one/small.glb
+expect 2 "--max-loss-db" "$nacre" pack $asset -o a.glb --max-loss-db nan
+expect 2 "excludes" "$nacre" pack $asset -o a.glb --max-loss-db 1 --bytes-per-splat 30
+expect 2 "no folder" "$nacre" pack $asset -o nosuch/a.glb
+expect 2 "cut.glb" "$nacre" pack cut.glb -o a.glb
+size=$(stat -c %s one/small.glb)
+for bytes in 4 100 1000 $((size / 2)) $((size - 1)); do
+    head -c $bytes one/small.glb >cut.glb
+    expect 2 "cut.glb" "$nacre" info cut.glb
+done
+
 echo "-- sss: bake, edits"
-expect 0 "" "$nacre" bake "$sample" -o sss.glb --model sss --max-splats 300 --iterations 60 --json sss.json
+expect 0 "" "$nacre" bake "$sample" -o sss.glb --profile lossless --model sss --max-splats 300 --iterations 60 --json sss.json
 keys sss.json 2 model splats iterations seconds device seed psnr_train peak_rss_bytes asset_bytes parts history skipped
 view=(--orbit 30,20 --size 64x64 --light point:2,0,3:40)
 expect 0 "" "$nacre" render sss.glb -o plain.exr "${view[@]}"

@@ -380,7 +380,7 @@ TEST_CASE("files that are no Nacre assets say what they are")
     };
     CHECK(contains(messageAfter([](GlbParts& g) { g.splatting().erase("extensions"); }), "without Nacre relighting data"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.primitive().erase("extensions"); }), "without Gaussian splats"));
-    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["version"] = 5; }), "update Nacre"));
+    CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["version"] = 6; }), "update Nacre"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.relight()["model"] = "nerf"; }), "unknown appearance model 'nerf'"));
     CHECK(contains(messageAfter([](GlbParts& g) { g.json["extensionsRequired"] = {"EXT_meshopt_compression"}; }),
                    "EXT_meshopt_compression"));

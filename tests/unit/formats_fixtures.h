@@ -4,6 +4,7 @@
 #include "appearance/model_table.h"
 #include "appearance/sss/sss_asset.h"
 #include "asset/asset_io.h"
+#include "asset/compact.h"
 #include "splats/splat_asset.h"
 
 #include <nlohmann/json.hpp>
@@ -143,5 +144,57 @@ struct GlbParts {
     nlohmann::json& splatting() { return primitive()["extensions"]["KHR_gaussian_splatting"]; }
     nlohmann::json& relight() { return splatting()["extensions"]["NACRE_gaussian_splatting_relight"]; }
 };
+
+/// An asset of profile compact, with every kind of block; codes are a function of their places.
+inline QuantisedAsset makeQuantised(size_t count, bool sss)
+{
+    QuantisedAsset q;
+    SplatAsset& frame = q.frame;
+    frame.model = sss ? "sss" : "bigs";
+    frame.cloud.count = count;
+    frame.bakedWith = "test";
+    frame.frame = {2.0, {1, 2, 3}, 0.5};
+    frame.drawnVisibility = sss ? 0 : 16;
+    uint32_t seed = 1;
+    const auto add = [&](std::vector<BlockTarget> targets, BlockTransform transform, uint32_t numbers, uint32_t columns, size_t rows, int32_t most) {
+        Block block;
+        block.targets = std::move(targets), block.transform = transform, block.numbers = numbers, block.columns = columns;
+        block.offset.assign(numbers, 0.25f), block.step.assign(columns, 1.0f / 256);
+        const auto random = [&] { return int32_t((seed = seed * 1664525u + 1013904223u) >> 8); };
+        if (columns != numbers || numbers > 8) {
+            block.scale.assign(numbers, 0.5f);
+            for (size_t i = 0; i < size_t(columns) * numbers; ++i) block.basis.push_back(int8_t(random() % 255 - 127));
+        }
+        for (size_t i = 0; i < rows * columns; ++i) block.codes.push_back(random() % (2 * most + 1) - most);
+        q.blocks.push_back(std::move(block));
+    };
+    const auto channel = [&](const char* name, uint32_t components, bool perAsset = false) {
+        Channel c;
+        c.name = name, c.components = components, c.perAsset = perAsset;
+        frame.channels.push_back(std::move(c));
+    };
+    add({{"POSITION", 0, 3}}, BlockTransform::kLinear, 3, 3, count, 70000);
+    add({{"ROTATION", 0, 4}}, BlockTransform::kRotation, 3, 3, count, 20);
+    add({{"SCALE", 0, 3}}, BlockTransform::kExp, 3, 3, count, 500);
+    add({{"OPACITY", 0, 1}}, BlockTransform::kLinear, 1, 1, count, 100);
+    if (sss) {
+        channel("baseColor", 3), channel("material", 2), channel("normal", 3), channel("visibility", 256), channel("codeWeights", 1024, true), channel("code", 16);
+        add({{"baseColor", 0, 3}}, BlockTransform::kLinear, 3, 2, count, 30);
+        add({{"material", 0, 1}}, BlockTransform::kLinear, 1, 1, count, 100);
+        add({{"material", 1, 1}}, BlockTransform::kLinear, 1, 1, count, 0);
+        add({{"normal", 0, 3}}, BlockTransform::kDirection, 2, 2, count, 300);
+        add({{"visibility", 0, 256}}, BlockTransform::kLinear, 256, 4, count, 127);
+        add({{"codeWeights", 0, 1024}}, BlockTransform::kLinear, 1, 1, 1024, 90);
+        add({{"code", 0, 16}}, BlockTransform::kLinear, 16, 5, count, 127);
+        return q;
+    }
+    channel("tDir", 25), channel("tInd", 75), channel("rho", 3), channel("lobe", 7);
+    add({{"tDir", 0, 25}, {"tInd", 0, 75}}, BlockTransform::kLinear, 100, 6, count, 127);
+    add({{"rho", 0, 3}}, BlockTransform::kLinear, 3, 3, count, 60);
+    add({{"lobe", 0, 3}}, BlockTransform::kDirection, 2, 2, count, 300);
+    add({{"lobe", 3, 1}}, BlockTransform::kExp, 1, 1, count, 900);
+    add({{"lobe", 4, 3}}, BlockTransform::kLinear, 3, 3, count, 50);
+    return q;
+}
 
 } // namespace nacre::test
