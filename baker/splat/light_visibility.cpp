@@ -174,7 +174,8 @@ std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> sp
     const ShadowScene scene = prepareScene(splats);
     std::vector<uint8_t> byTexel(texels * n), maps(n * texels);
     tbb::enumerable_thread_specific<ShadowWorkspace> workspaces;
-    const auto draw = HWY_DYNAMIC_DISPATCH(drawShadow);
+    // Looked up at each call: the first one, which chooses the target, must not be the one that is kept.
+    const auto draw = [](const FlatSplat& splat, float* image) { HWY_DYNAMIC_DISPATCH(drawShadow)(splat, image); };
     const auto drawOne = [&](size_t texel) {
         ShadowWorkspace& work = workspaces.local();
         drawTexel(scene, size, int(texel), oversample, draw, work);
