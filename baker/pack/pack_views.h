@@ -25,8 +25,8 @@ Result<std::vector<PackView>> viewsAround(const SplatAsset& asset, size_t count)
 /// Evenly picked from a split (of the dataset the asset was baked from).
 std::vector<PackView> viewsOf(const OlatSplit& split, const AssetFrame& frame, size_t count);
 
-/// Mean over the views of the squared blending weights of each splat, in display space per pixel of the object: the squared error of images
-/// that a unit of noise in the splat's colour makes. 0 for what is never seen.
+/// Mean over the views of the sum of squared blending weights of each splat: the squared error of images, in linear radiance, that a unit of
+/// noise in the splat's colour makes. 0 for what is never seen.
 std::vector<float> splatImportance(const SplatAsset& asset, std::span<const PackView> views);
 
 /// Renders of an asset (expanded), to compare others with. Display space: sRGB transfer of clamped radiance; over pixels of the object.
