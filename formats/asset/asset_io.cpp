@@ -4,8 +4,10 @@
 #include "appearance/coded_channels.h"
 #include "appearance/model_table.h"
 #include "appearance/splat_visibility.h"
+#include "appearance/visibility_map.h"
 #include "asset/glb_json.h"
 #include "asset/glb_layout.h"
+#include "asset/look_color.h"
 #include "base/glb_container.h"
 #include "base/file.h"
 
@@ -20,6 +22,28 @@ Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset)
     SplatAsset full = asset;
     expandChannels(full), drawVisibility(full);
     return glb::write(full);
+}
+
+Result<std::vector<std::byte>> encodeInterop(const SplatAsset& asset)
+{
+    if (Status s = validate(asset); !s) return s.error();
+    if (asset.neutral.shFunctions == 0) return Error{ErrorCode::kBadInput, "the asset has no neutral look, which other viewers show; fit one first"};
+    SplatAsset out = asset;
+    out.neutral = toSrgb(asset.neutral);
+    if (const Channel* maps = out.find("visibility")) {
+        out.drawnVisibility = visibilitySize(maps->components);
+        std::erase_if(out.channels, [](const Channel& c) { return c.name == "visibility"; });
+    }
+    for (const CodedChannels& coded : out.coded)
+        if (coded.values.size() != out.cloud.count * coded.codes) { // rows of some splats only: codes of none would stand for the offset
+            expandChannels(out);
+            break;
+        }
+    for (Channel& channel : out.channels) {
+        if (!channel.bytes.empty()) return Error{ErrorCode::kUnsupported, "profile interop cannot store the channel '" + channel.name + "' of bytes"};
+        if (channel.leading > 0) channel.leading = 0, channel.values.resize(out.cloud.count * channel.components);
+    }
+    return glb::writeInterop(out);
 }
 
 Result<SplatAsset> readAsset(const std::string& path)
@@ -70,6 +94,12 @@ AssetSummary summarizeAsset(const SplatAsset& asset, std::span<const std::byte> 
     }
     summary.channels.push_back({"geometry", count * sizeof(float) * (3 + 4 + 3 + 1)});
     summary.channels.push_back({"neutralLook", count * sizeof(float) * (3 * neutralFunctions + 4)}); // SH and COLOR_0
+    if (asset.profile == glb::kInteropProfile && !file.empty()) {
+        size_t others = 0;
+        for (const auto& part : summary.channels) others += part.bytes;
+        summary.channels.push_back({"relighting", file.size() - std::min(file.size(), others)});
+        return summary;
+    }
     for (const Channel& channel : asset.channels)
         summary.channels.push_back({channel.name, channel.sizeInBytes()});
     return summary;

@@ -14,6 +14,10 @@ namespace nacre {
 /// Serialises as the `lossless` profile: float32 throughout, deterministic bytes.
 Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset);
 
+/// Profile `interop`: any viewer of KHR_gaussian_splatting shows the neutral look, which the asset must have; relighting data are attributes
+/// of the splats, which survive tools that reorder or crop these. Visibility maps are left out and drawn again from the splats.
+Result<std::vector<std::byte>> encodeInterop(const SplatAsset& asset);
+
 /// Coded channels are expanded.
 Result<SplatAsset> readAsset(const std::string& path);
 

@@ -22,36 +22,6 @@ bool flag(const json& object, const char* key, const std::string& where)
     return value && value->get<bool>();
 }
 
-/// Channels without values, as the model knows them: their sizes are safe to allocate for.
-std::vector<Channel> declaredChannels(const json& relight, const std::string& modelName, size_t count)
-{
-    const AppearanceModel* model = findAppearanceModel(modelName);
-    if (!model) return {}; // validation says so
-    const json& entries = need(relight, "channels", kRelightExtension);
-    if (!entries.is_array() || entries.size() > 64) bad("channels is not an array of at most 64 entries");
-    std::vector<Channel> channels;
-    for (const json& entry : entries) {
-        const std::string where = "channels[" + std::to_string(channels.size()) + "]";
-        Channel channel;
-        channel.name = needName(entry, "name", where);
-        const size_t components = needSize(entry, "components", where);
-        const auto named = [&](const auto& other) { return channel.name == other.name; };
-        const auto spec = std::find_if(model->channels.begin(), model->channels.end(), named);
-        if (spec == model->channels.end()) bad(where + " (" + channel.name + ") does not belong to model '" + modelName + "'");
-        if (std::find(spec->components.begin(), spec->components.end(), components) == spec->components.end() || components == 0)
-            bad(where + " (" + channel.name + ") has " + std::to_string(components) + " components, which the model does not have");
-        if (std::any_of(channels.begin(), channels.end(), named)) bad(where + " (" + channel.name + ") occurs twice");
-        channel.components = uint32_t(components);
-        channel.perAsset = spec->perAsset;
-        if (find(entry, "leading")) {
-            channel.leading = needSize(entry, "leading", where);
-            if (channel.leading == 0 || channel.leading >= count || !spec->mayLead) bad(where + ".leading is " + std::to_string(channel.leading) + ", out of range");
-        }
-        channels.push_back(std::move(channel));
-    }
-    return channels;
-}
-
 BlockTransform transformOf(const std::string& name, const std::string& where)
 {
     for (const BlockTransform t : {BlockTransform::kLinear, BlockTransform::kExp, BlockTransform::kRotation, BlockTransform::kDirection})
@@ -90,6 +60,42 @@ BlockLayout readLayout(const json& entry, std::span<const std::byte>& bytes, con
 
 } // namespace
 
+std::vector<Channel> declaredChannels(const json& relight, const std::string& modelName, size_t count)
+{
+    const AppearanceModel* model = findAppearanceModel(modelName);
+    if (!model) return {}; // validation says so
+    const json& entries = need(relight, "channels", kRelightExtension);
+    if (!entries.is_array() || entries.size() > 64) bad("channels is not an array of at most 64 entries");
+    std::vector<Channel> channels;
+    for (const json& entry : entries) {
+        const std::string where = "channels[" + std::to_string(channels.size()) + "]";
+        Channel channel;
+        channel.name = needName(entry, "name", where);
+        const size_t components = needSize(entry, "components", where);
+        const auto named = [&](const auto& other) { return channel.name == other.name; };
+        const auto spec = std::find_if(model->channels.begin(), model->channels.end(), named);
+        if (spec == model->channels.end()) bad(where + " (" + channel.name + ") does not belong to model '" + modelName + "'");
+        if (std::find(spec->components.begin(), spec->components.end(), components) == spec->components.end() || components == 0)
+            bad(where + " (" + channel.name + ") has " + std::to_string(components) + " components, which the model does not have");
+        if (std::any_of(channels.begin(), channels.end(), named)) bad(where + " (" + channel.name + ") occurs twice");
+        channel.components = uint32_t(components);
+        channel.perAsset = spec->perAsset;
+        if (find(entry, "leading")) {
+            channel.leading = needSize(entry, "leading", where);
+            if (channel.leading == 0 || channel.leading >= count || !spec->mayLead) bad(where + ".leading is " + std::to_string(channel.leading) + ", out of range");
+        }
+        channels.push_back(std::move(channel));
+    }
+    return channels;
+}
+
+int drawnVisibility(const json& relight)
+{
+    const size_t drawn = sizeOr(relight, "drawnVisibility", 0, kRelightExtension);
+    if (drawn != 0 && drawn != 16 && drawn != 32) unsupported("drawnVisibility is " + std::to_string(drawn) + ", expected 16 or 32");
+    return int(drawn);
+}
+
 void readCompact(const json& document, std::span<const std::byte> bin, const json& relight, size_t count, SplatAsset& asset)
 {
     // An entropy coder needs no bytes for what never changes: this bounds what a file can ask for.
@@ -98,9 +104,7 @@ void readCompact(const json& document, std::span<const std::byte> bin, const jso
     asset.channels = declaredChannels(relight, asset.model, count);
     asset.cloud.count = count;
     asset.cloud.positions.resize(count), asset.cloud.rotations.resize(count), asset.cloud.scales.resize(count), asset.cloud.opacities.resize(count);
-    const size_t drawn = sizeOr(relight, "drawnVisibility", 0, kRelightExtension);
-    if (drawn != 0 && drawn != 16 && drawn != 32) unsupported("drawnVisibility is " + std::to_string(drawn) + ", expected 16 or 32");
-    asset.drawnVisibility = int(drawn);
+    asset.drawnVisibility = drawnVisibility(relight);
 
     const json& blocks = need(relight, "blocks", kRelightExtension);
     if (!blocks.is_array() || blocks.size() > kMostBlocks) bad("blocks is not an array of at most " + std::to_string(kMostBlocks) + " entries");

@@ -23,7 +23,8 @@ constexpr const char* kSplatExtension = "KHR_gaussian_splatting";
 constexpr const char* kRelightExtension = "NACRE_gaussian_splatting_relight";
 constexpr int kRelightVersion = 5, kOldestRelightVersion = 1;
 constexpr int kCompactVersion = 5, kFrameVersion = 4, kLeadingVersion = 3, kPlainVersion = 2; // profile compact, with a dataset frame, with channels of leading splats, with neither
-constexpr const char *kLosslessProfile = "lossless", *kCompactProfile = "compact";
+constexpr const char *kLosslessProfile = "lossless", *kCompactProfile = "compact", *kInteropProfile = "interop";
+constexpr const char *kLinearSpace = "lin_rec709_display", *kSrgbSpace = "srgb_rec709_display";
 
 constexpr const char* kPosition = "POSITION";
 constexpr const char* kColor = "COLOR_0";
@@ -52,8 +53,28 @@ inline std::string positionHash(std::span<const glm::vec3> positions)
     return text;
 }
 
+/// Attribute `part` of the relighting data `name` in profile interop: four numbers each, fewer in the last.
+inline std::string relightAttribute(const std::string& name, size_t part)
+{
+    std::string text = "_NACRE_";
+    for (const char c : name) text += c >= 'a' && c <= 'z' ? char(c - 'a' + 'A') : c;
+    text += '_';
+    return text += std::to_string(part);
+}
+/// Of the codes of the group `g` of coded channels.
+inline std::string codesName(size_t g) { return "CODES" + std::to_string(g); }
+/// Tells that a splat's relighting data are its own: four bytes from what all splats share and its position.
+constexpr const char* kStamp = "_NACRE_STAMP";
+inline uint32_t stampOf(uint64_t shared, const glm::vec3& position)
+{
+    const uint64_t hash = fnv1a(&position, sizeof position, shared);
+    return uint32_t(hash ^ hash >> 32);
+}
+
 /// The asset must be valid.
 Result<std::vector<std::byte>> write(const SplatAsset& asset);
+/// Profile interop; the look is in sRGB, every channel has rows for all splats, none has bytes.
+Result<std::vector<std::byte>> writeInterop(const SplatAsset& asset);
 
 /// The result has the shape the file claims; the values are not validated yet.
 Result<SplatAsset> read(std::span<const std::byte> bytes);

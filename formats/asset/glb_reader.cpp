@@ -7,7 +7,9 @@
 #include "asset/compact_reader.h"
 #include "asset/glb_json.h"
 #include "asset/glb_layout.h"
+#include "asset/look_color.h"
 
+#include "base/base64.h"
 #include "base/glb_container.h"
 #include "base/text.h"
 
@@ -28,11 +30,12 @@ struct Rows {
     const std::byte* data;
     size_t stride, count;
     int components;
+    const std::byte* at(size_t row) const { return data + row * stride; }
     void copy(size_t row, float* out) const { std::memcpy(out, data + row * stride, 4 * size_t(components)); }
 };
 
 Rows attribute(const json& document, std::span<const std::byte> bin, const json& attributes, const std::string& name,
-               const char* type, int components)
+               const char* type, int components, size_t componentType = kFloat)
 {
     const size_t index = needSize(attributes, name.c_str(), "the splat primitive");
     const std::string where = "accessors[" + std::to_string(index) + "] (" + name + ")";
@@ -40,14 +43,14 @@ Rows attribute(const json& document, std::span<const std::byte> bin, const json&
     if (const std::string found = needString(accessor, "type", where); found != type)
         bad(where + " has type " + inQuotes(found) + ", expected " + type);
     const json* normalized = find(accessor, "normalized");
-    if (needSize(accessor, "componentType", where) != kFloat || (normalized && *normalized != json(false)))
-        unsupported(where + " is not float32; the lossless profile stores floats only (was the file quantised by a tool?)");
+    if (needSize(accessor, "componentType", where) != componentType || (normalized && *normalized != json(false)))
+        unsupported(where + (componentType == kFloat ? " is not float32" : " is not uint8") + ", which is all that is read of it (was the file quantised by a tool?)");
     if (find(accessor, "sparse")) unsupported(where + " is sparse, which is not read");
 
     const size_t count = needSize(accessor, "count", where);
     const View view = bufferView(document, bin, needSize(accessor, "bufferView", where));
     const size_t offset = sizeOr(accessor, "byteOffset", 0, where);
-    const size_t row = 4 * size_t(components);
+    const size_t row = (componentType == kFloat ? 4 : 1) * size_t(components);
     const size_t stride = view.stride ? view.stride : row;
     if (stride < row || stride > kMaxVertexStride || stride % 4 != 0)
         bad(where + " has a stride of " + std::to_string(stride) + " bytes, expected a multiple of 4 from " +
@@ -114,12 +117,13 @@ void checkHeader(const json& document, const SplatPrimitive& splats)
         if (const std::string found = needString(object, key, at); found != value)
             unsupported(at + "." + key + " is " + inQuotes(found) + ", this build reads '" + value + "'");
     };
-    if (const std::string profile = needString(*splats.relight, "profile", where); profile != kLosslessProfile && (profile != kCompactProfile || version < kCompactVersion))
-        unsupported(where + ".profile is " + inQuotes(profile) + ", this build reads '" + kLosslessProfile + "' and, since version 5, '" + kCompactProfile + "'");
+    if (const std::string profile = needString(*splats.relight, "profile", where); profile != kLosslessProfile && ((profile != kCompactProfile && profile != kInteropProfile) || version < kCompactVersion))
+        unsupported(where + ".profile is " + inQuotes(profile) + ", this build reads '" + kLosslessProfile + "' and, since version 5, '" + kCompactProfile + "' and '" + kInteropProfile + "'");
     expect(*splats.relight, "lightUnits", "KHR_lights_punctual", where);
     expect(need(*splats.relight, "screenFilter", where), "type", "mip", where + ".screenFilter");
     expect(*splats.splatting, "kernel", "ellipse", kSplatExtension);
-    expect(*splats.splatting, "colorSpace", "lin_rec709_display", kSplatExtension);
+    if (const std::string space = needString(*splats.splatting, "colorSpace", kSplatExtension); space != kLinearSpace && space != kSrgbSpace)
+        unsupported(std::string(kSplatExtension) + ".colorSpace is " + inQuotes(space) + ", this build reads '" + kLinearSpace + "' and '" + kSrgbSpace + "'");
     if (sizeOr(*splats.primitive, "mode", 4, "the splat primitive") != 0) bad("the splat primitive's mode is not 0 (POINTS)");
 }
 
@@ -168,8 +172,7 @@ SplatCloud readCloud(const json& document, std::span<const std::byte> bin, const
     const auto rowsOf = [&](const char* name, const char* type, int components) {
         const Rows rows = attribute(document, bin, attributes, name, type, components);
         if (rows.count != count)
-            bad(std::string(name) + " has " + std::to_string(rows.count) + " rows, " + kRelightExtension + ".count is " +
-                std::to_string(count));
+            bad(std::string(name) + " has " + std::to_string(rows.count) + " rows, expected " + std::to_string(count));
         return rows;
     };
     const Rows positions = rowsOf(kPosition, "VEC3", 3), rotations = rowsOf(kRotation, "VEC4", 4);
@@ -192,10 +195,8 @@ SplatCloud readCloud(const json& document, std::span<const std::byte> bin, const
     return cloud;
 }
 
-NeutralLook readNeutralLook(const json& document, std::span<const std::byte> bin, const json& attributes, const json& relight,
-                            size_t count)
+NeutralLook readNeutralLook(const json& document, std::span<const std::byte> bin, const json& attributes, size_t functions, size_t count)
 {
-    const size_t functions = needSize(relight, "neutralFunctions", kRelightExtension);
     if (functions > 16) bad("neutralFunctions is " + std::to_string(functions) + ", expected 0, 1, 4, 9 or 16");
     std::vector<Rows> rows;
     for (size_t f = 0; f < functions; ++f) {
@@ -254,6 +255,127 @@ Channel readChannel(const json& document, std::span<const std::byte> bin, const 
     return channel;
 }
 
+/// SH functions of all degrees that are complete.
+size_t lookFunctions(const json& attributes)
+{
+    size_t functions = 0;
+    while (functions < 16 && find(attributes, shAttribute(int(functions)).c_str())) ++functions;
+    return functions >= 16 ? 16 : functions >= 9 ? 9 : functions >= 4 ? 4 : functions >= 1 ? 1 : 0;
+}
+
+/// Profile interop: relighting data are attributes, so they are those of the splats in whatever order these are now.
+class InteropReader {
+public:
+    InteropReader(const json& document, std::span<const std::byte> bin, const json& attributes, const json& relight, SplatAsset& asset)
+        : document_(document), bin_(bin), attributes_(attributes), relight_(relight), asset_(asset), count_(asset.cloud.count),
+          shared_(fnv1a(asset.model.data(), asset.model.size()))
+    {
+    }
+
+    void read()
+    {
+        asset_.channels = declaredChannels(relight_, asset_.model, count_);
+        asset_.drawnVisibility = drawnVisibility(relight_);
+        std::vector<bool> coded(asset_.channels.size(), false);
+        const json& entries = need(relight_, "channels", kRelightExtension);
+        for (size_t i = 0; i < asset_.channels.size(); ++i)
+            if (Channel& channel = asset_.channels[i]; channel.perAsset) channel.values = sharedFloats(entries[i], "data", channel.components, channel.name);
+        if (const json* groups = find(relight_, "coded")) readCoded(*groups, coded);
+        for (size_t i = 0; i < asset_.channels.size(); ++i) {
+            Channel& channel = asset_.channels[i];
+            if (channel.leading > 0) bad("channel '" + channel.name + "' of profile interop has rows for some splats only");
+            if (!channel.perAsset && !coded[i]) channel.values = floats(channel.name, channel.components);
+        }
+        checkStamps();
+    }
+
+private:
+    std::vector<float> sharedFloats(const json& object, const char* key, size_t size, const std::string& where)
+    {
+        const json& text = need(object, key, where);
+        std::vector<unsigned char> bytes;
+        if (!text.is_string() || !fromBase64(text.get_ref<const std::string&>(), bytes) || bytes.size() != size * sizeof(float))
+            bad(where + "." + key + " is not the base64 text of " + std::to_string(size) + " floats");
+        std::vector<float> values(size);
+        std::memcpy(values.data(), bytes.data(), bytes.size());
+        shared_ = fnv1a(values.data(), bytes.size(), shared_);
+        return values;
+    }
+
+    Rows part(const std::string& name, int components, size_t componentType)
+    {
+        constexpr const char* kTypes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
+        if (!find(attributes_, name.c_str())) bad("relighting data " + name + " are missing (dropped by a tool?)");
+        const Rows rows = attribute(document_, bin_, attributes_, name, kTypes[components - 1], components, componentType);
+        if (rows.count != count_) bad(name + " has " + std::to_string(rows.count) + " rows, " + kPosition + " has " + std::to_string(count_));
+        used_ += count_ * size_t(components) * (componentType == kFloat ? 4 : 1);
+        if (used_ / kMostSharing > bin_.size()) bad("relighting data share their bytes more than " + std::to_string(kMostSharing) + " times");
+        return rows;
+    }
+
+    std::vector<float> floats(const std::string& name, size_t components)
+    {
+        std::vector<Rows> parts; // all checked before anything is allocated
+        for (size_t k = 0; k < components; k += 4) parts.push_back(part(relightAttribute(name, k / 4), int(std::min<size_t>(4, components - k)), kFloat));
+        std::vector<float> values(count_ * components);
+        for (size_t p = 0; p < parts.size(); ++p)
+            for (size_t i = 0; i < count_; ++i) parts[p].copy(i, &values[i * components + 4 * p]);
+        return values;
+    }
+
+    void readCoded(const json& groups, std::vector<bool>& isCoded)
+    {
+        if (!groups.is_array() || groups.size() > 64) bad("coded is not an array of at most 64 entries");
+        for (const json& entry : groups) {
+            const std::string where = "coded[" + std::to_string(asset_.coded.size()) + "]";
+            CodedChannels group;
+            const json& names = need(entry, "channels", where);
+            if (!names.is_array() || names.empty() || names.size() > 64) bad(where + ".channels is not an array of 1 to 64 names");
+            for (const json& name : names) {
+                size_t i = 0;
+                while (i < asset_.channels.size() && name != asset_.channels[i].name) ++i;
+                if (i == asset_.channels.size() || isCoded[i] || asset_.channels[i].perAsset) bad(where + " names a channel that cannot be coded");
+                isCoded[i] = true;
+                group.channels.push_back(asset_.channels[i].name);
+                group.numbers += asset_.channels[i].components;
+            }
+            const size_t codes = needSize(entry, "codes", where);
+            if (codes == 0 || codes > group.numbers) bad(where + ".codes is " + std::to_string(codes) + ", expected 1 to " + std::to_string(group.numbers));
+            group.codes = uint32_t(codes);
+            group.offset = sharedFloats(entry, "offset", group.numbers, where);
+            group.basis = sharedFloats(entry, "basis", codes * group.numbers, where);
+            std::vector<Rows> parts;
+            for (size_t k = 0; k < codes; k += 4) parts.push_back(part(relightAttribute(codesName(asset_.coded.size()), k / 4), 4, kUnorm8));
+            group.values.resize(count_ * codes);
+            for (size_t k = 0; k < codes; ++k)
+                for (size_t i = 0; i < count_; ++i) group.values[i * codes + k] = int8_t(int(parts[k / 4].at(i)[k % 4]) - 128);
+            asset_.coded.push_back(std::move(group));
+        }
+    }
+
+    /// Positions that have changed, or splats of another asset put among these.
+    void checkStamps()
+    {
+        const Rows stamps = part(kStamp, 4, kUnorm8);
+        for (size_t i = 0; i < count_; ++i) {
+            uint32_t stamp;
+            std::memcpy(&stamp, stamps.at(i), 4);
+            if (stamp != stampOf(shared_, asset_.cloud.positions[i])) bad("relighting data belong to other positions (edited by a tool?)");
+        }
+    }
+
+    static constexpr size_t kMostSharing = 4; // tools store what is equal once
+
+    const json& document_;
+    const std::span<const std::byte> bin_;
+    const json& attributes_;
+    const json& relight_;
+    SplatAsset& asset_;
+    const size_t count_;
+    uint64_t shared_;
+    size_t used_ = 0;
+};
+
 SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
 {
     const Result<GlbChunks> split = splitGlb(bytes);
@@ -273,8 +395,17 @@ SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
     asset.yUpFromAsset = nodeRotation(document, splats.mesh);
     asset.frame = datasetFrame(relight);
 
-    const size_t count = needSize(relight, "count", kRelightExtension);
     asset.profile = needString(relight, "profile", kRelightExtension);
+    const bool srgb = needString(*splats.splatting, "colorSpace", kSplatExtension) == kSrgbSpace;
+    if (asset.profile == kInteropProfile) {
+        const size_t count = attribute(document, chunks.bin, attributes, kPosition, "VEC3", 3).count;
+        asset.cloud = readCloud(document, chunks.bin, attributes, count);
+        asset.neutral = readNeutralLook(document, chunks.bin, attributes, lookFunctions(attributes), count);
+        if (srgb) asset.neutral = toLinear(asset.neutral);
+        InteropReader(document, chunks.bin, attributes, relight, asset).read();
+        return asset;
+    }
+    const size_t count = needSize(relight, "count", kRelightExtension);
     if (asset.profile == kCompactProfile) {
         readCompact(document, chunks.bin, relight, count, asset);
         return asset;
@@ -282,7 +413,8 @@ SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
     asset.cloud = readCloud(document, chunks.bin, attributes, count);
     if (needString(relight, "positionHash", kRelightExtension) != positionHash(asset.cloud.positions))
         bad("relighting data belong to other positions (edited by a tool?); take the file as 'nacre bake' wrote it");
-    asset.neutral = readNeutralLook(document, chunks.bin, attributes, relight, count);
+    asset.neutral = readNeutralLook(document, chunks.bin, attributes, needSize(relight, "neutralFunctions", kRelightExtension), count);
+    if (srgb) asset.neutral = toLinear(asset.neutral);
 
     const json& channels = need(relight, "channels", kRelightExtension);
     if (!channels.is_array() || channels.size() > 64) bad("channels is not an array of at most 64 entries");

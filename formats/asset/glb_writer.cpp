@@ -1,6 +1,8 @@
 // SplatAsset -> .glb bytes, through tinygltf (the only file that knows it; Debian ships its implementation as a shared library,
 // so no TINYGLTF_IMPLEMENTATION here). Layout: formats/SPEC.md. Deterministic: maps are ordered, floats print as shortest text.
 #include "asset/glb_layout.h"
+#include "base/base64.h"
+#include "base/color.h"
 
 #include <tiny_gltf.h>
 
@@ -29,13 +31,13 @@ double shortest(float x)
 /// Builds the one buffer and everything that points into it.
 class Writer {
 public:
-    explicit Writer(const SplatAsset& asset) : asset_(asset), count_(asset.cloud.count) { model_.buffers.emplace_back(); }
+    Writer(const SplatAsset& asset, bool interop) : asset_(asset), interop_(interop), count_(asset.cloud.count) { model_.buffers.emplace_back(); }
 
     tinygltf::Model build()
     {
         writeGeometry();
         writeNeutralLook();
-        writeRelightChannels();
+        writeRelightData();
         writeScene();
         return std::move(model_);
     }
@@ -63,12 +65,12 @@ private:
         return reinterpret_cast<float*>(model_.buffers[0].data.data() + model_.bufferViews[size_t(view)].byteOffset);
     }
 
-    tinygltf::Accessor& addAttribute(const std::string& name, int view, size_t byteOffset, int type)
+    tinygltf::Accessor& addAttribute(const std::string& name, int view, size_t byteOffset, int type, int componentType = kFloat)
     {
         tinygltf::Accessor accessor;
         accessor.bufferView = view;
         accessor.byteOffset = byteOffset;
-        accessor.componentType = kFloat;
+        accessor.componentType = componentType;
         accessor.type = type;
         accessor.count = count_;
         primitive_.attributes[name] = int(model_.accessors.size());
@@ -125,16 +127,17 @@ private:
         // For viewers that know no splats at all: coloured points.
         glm::vec4 color;
         writeAttribute(kColor, 4, TINYGLTF_TYPE_VEC4, [&](size_t i) {
-            const glm::vec3 rgb = glm::clamp(0.5f + 0.28209479177387814f * sh[i * functions], 0.0f, 1.0f);
+            glm::vec3 rgb = glm::clamp(0.5f + 0.28209479177387814f * sh[i * functions], 0.0f, 1.0f);
+            for (int c = 0; interop_ && c < 3; ++c) rgb[c] = linearFromSrgb(rgb[c]); // COLOR_0 is linear whatever the look is
             color = glm::vec4(rgb, asset_.cloud.opacities[i]);
             return &color.x;
         });
     }
 
-    void writeRelightChannels()
+    /// Channels in buffer views of their own, in the order of the splats.
+    Value::Array writeChannels(int* version)
     {
         Value::Array channels;
-        int version = kPlainVersion; // readers of older versions can read what does not need a newer one
         for (const Channel& channel : asset_.channels) {
             const bool floats = channel.bytes.empty();
             const size_t bytes = channel.sizeInBytes();
@@ -145,24 +148,90 @@ private:
                                 {"componentType", Value(floats ? kFloat : kUnorm8)},
                                 {"bufferView", Value(view)}};
             if (channel.perAsset) entry["perAsset"] = Value(true);
-            if (channel.leading > 0) entry["leading"] = Value(int(channel.leading)), version = kLeadingVersion;
+            if (channel.leading > 0) entry["leading"] = Value(int(channel.leading)), *version = kLeadingVersion;
             channels.emplace_back(std::move(entry));
         }
+        return channels;
+    }
+
+    /// Four numbers of a splat to an attribute, so that whatever moves the splats takes them along.
+    void writeParts(const std::string& name, const std::vector<float>& values, size_t components)
+    {
+        constexpr int kTypes[] = {TINYGLTF_TYPE_SCALAR, TINYGLTF_TYPE_VEC2, TINYGLTF_TYPE_VEC3, TINYGLTF_TYPE_VEC4};
+        for (size_t k = 0; k < components; k += 4) {
+            const size_t n = std::min<size_t>(4, components - k);
+            writeAttribute(relightAttribute(name, k / 4).c_str(), int(n), kTypes[n - 1], [&](size_t i) { return &values[i * components + k]; });
+        }
+    }
+
+    template <class At> void writeBytes(const std::string& name, At at)
+    {
+        const int view = addView(name, 4 * count_, 4);
+        for (size_t i = 0; i < count_; ++i) {
+            const uint32_t word = at(i);
+            std::memcpy(floatsOf(view) + i, &word, 4);
+        }
+        addAttribute(name, view, 0, TINYGLTF_TYPE_VEC4, kUnorm8);
+    }
+
+    /// What is per splat goes into attributes, the rest as text into the extension: no index of it is left for a tool to renumber.
+    void writeInteropData(Value::Object& relight)
+    {
+        uint64_t shared = fnv1a(asset_.model.data(), asset_.model.size());
+        const auto text = [&shared](const std::vector<float>& values) {
+            shared = fnv1a(values.data(), values.size() * sizeof(float), shared);
+            return Value(toBase64(values.data(), values.size() * sizeof(float)));
+        };
+        Value::Array channels, coded;
+        for (const Channel& channel : asset_.channels) {
+            Value::Object entry{{"name", Value(channel.name)}, {"components", Value(int(channel.components))}};
+            if (channel.perAsset) entry["data"] = text(channel.values);
+            else if (!channel.values.empty()) writeParts(channel.name, channel.values, channel.components);
+            channels.emplace_back(std::move(entry));
+        }
+        for (size_t g = 0; g < asset_.coded.size(); ++g) {
+            const CodedChannels& group = asset_.coded[g];
+            Value::Array names;
+            for (const std::string& name : group.channels) names.emplace_back(name);
+            Value::Object entry{{"channels", Value(std::move(names))}, {"codes", Value(int(group.codes))}};
+            entry["offset"] = text(group.offset), entry["basis"] = text(group.basis);
+            coded.emplace_back(std::move(entry));
+            for (size_t k = 0; k < group.codes; k += 4)
+                writeBytes(relightAttribute(codesName(g), k / 4), [&](size_t i) {
+                    uint32_t word = 0;
+                    for (size_t c = k; c < k + 4; ++c) word |= uint32_t(c < group.codes ? group.values[i * group.codes + c] + 128 : 128) << 8 * (c - k);
+                    return word;
+                });
+        }
+        writeBytes(kStamp, [&](size_t i) { return stampOf(shared, asset_.cloud.positions[i]); });
+        relight["channels"] = Value(std::move(channels));
+        if (!coded.empty()) relight["coded"] = Value(std::move(coded));
+        if (asset_.drawnVisibility > 0) relight["drawnVisibility"] = Value(asset_.drawnVisibility);
+    }
+
+    void writeRelightData()
+    {
+        int version = kPlainVersion; // readers of older versions can read what does not need a newer one
         const AssetFrame& frame = asset_.frame;
         const bool placed = frame != AssetFrame{};
-        if (placed) version = kFrameVersion;
         Value::Object relight{
-            {"version", Value(version)},
             {"model", Value(asset_.model)},
-            {"profile", Value(std::string(kLosslessProfile))},
-            {"count", Value(int(count_))},
-            {"positionHash", Value(positionHash(asset_.cloud.positions))},
+            {"profile", Value(std::string(interop_ ? kInteropProfile : kLosslessProfile))},
             {"screenFilter",
              Value(Value::Object{{"type", Value(std::string("mip"))}, {"variance", Value(shortest(asset_.lowPassVariance))}})},
-            {"neutralFunctions", Value(asset_.neutral.shFunctions)},
             {"lightUnits", Value(std::string("KHR_lights_punctual"))},
-            {"channels", Value(std::move(channels))},
             {"bakedWith", Value(asset_.bakedWith)}};
+        if (interop_) {
+            writeInteropData(relight);
+            version = kRelightVersion;
+        } else {
+            relight["count"] = Value(int(count_));
+            relight["positionHash"] = Value(positionHash(asset_.cloud.positions));
+            relight["neutralFunctions"] = Value(asset_.neutral.shFunctions);
+            relight["channels"] = Value(writeChannels(&version));
+            if (placed) version = kFrameVersion;
+        }
+        relight["version"] = Value(version);
         if (placed)
             relight["datasetFrame"] = Value(Value::Object{
                 {"scale", Value(frame.scale)},
@@ -170,7 +239,7 @@ private:
                 {"lightGain", Value(frame.lightGain)}});
         primitive_.extensions[kSplatExtension] =
             Value(Value::Object{{"kernel", Value(std::string("ellipse"))},
-                                {"colorSpace", Value(std::string("lin_rec709_display"))},
+                                {"colorSpace", Value(std::string(interop_ ? kSrgbSpace : kLinearSpace))},
                                 {"projection", Value(std::string("perspective"))},
                                 {"sortingMethod", Value(std::string("cameraDistance"))},
                                 {"extensions", Value(Value::Object{{kRelightExtension, Value(std::move(relight))}})}});
@@ -198,6 +267,7 @@ private:
     }
 
     const SplatAsset& asset_;
+    const bool interop_;
     const size_t count_;
     tinygltf::Model model_;
     tinygltf::Primitive primitive_;
@@ -227,19 +297,18 @@ uint64_t bufferBytes(const SplatAsset& asset)
 {
     uint64_t bytes = 4 * asset.cloud.count * (3 + 4 + 3 + 1 + 4 + 3 * uint64_t(std::max(1, asset.neutral.shFunctions)));
     for (const Channel& channel : asset.channels) bytes += channel.sizeInBytes();
-    return bytes;
+    for (const CodedChannels& coded : asset.coded) bytes += asset.cloud.count * (coded.codes + 3) / 4 * 4;
+    return bytes + 4 * asset.cloud.count; // stamps of profile interop
 }
 constexpr uint64_t kMaxBufferBytes = std::numeric_limits<uint32_t>::max() - (uint64_t(64) << 20);
 
-} // namespace
-
-Result<std::vector<std::byte>> write(const SplatAsset& asset)
+Result<std::vector<std::byte>> serialise(const SplatAsset& asset, bool interop)
 {
     if (bufferBytes(asset) > kMaxBufferBytes)
         return Error{ErrorCode::kUnsupported, "the asset needs " + std::to_string(bufferBytes(asset) >> 20) +
                                                   " MiB, a .glb holds at most 4 GiB; bake with fewer splats (--max-splats)"};
     try {
-        const tinygltf::Model model = Writer(asset).build();
+        const tinygltf::Model model = Writer(asset, interop).build();
         VectorBuffer buffer;
         buffer.bytes.reserve(model.buffers[0].data.size() + (size_t(1) << 16));
         std::ostream stream(&buffer);
@@ -253,5 +322,10 @@ Result<std::vector<std::byte>> write(const SplatAsset& asset)
         return Error{ErrorCode::kBadInput, std::string("cannot serialise the asset: ") + e.what()};
     }
 }
+
+} // namespace
+
+Result<std::vector<std::byte>> write(const SplatAsset& asset) { return serialise(asset, false); }
+Result<std::vector<std::byte>> writeInterop(const SplatAsset& asset) { return serialise(asset, true); }
 
 } // namespace nacre::glb
