@@ -207,3 +207,47 @@ TEST_CASE("blocks that overlap, leave something out or do not fit are refused")
     CHECK(refused([](QuantisedAsset& q) { q.blocks[4].scale[0] = 1e15f; })); // values beyond what a channel may hold
     CHECK(refused([](QuantisedAsset& q) { q.frame.drawnVisibility = 20; }));
 }
+
+// formats/SPEC.md, section 8, has this as an annotated dump.
+TEST_CASE("the smallest compact file, byte by byte")
+{
+    QuantisedAsset q;
+    q.frame.model = "sss", q.frame.cloud.count = 1;
+    const auto add = [&](const char* name, uint32_t components, uint32_t numbers, BlockTransform transform, std::vector<int32_t> codes) {
+        Block block;
+        block.targets = {{name, 0, components}}, block.transform = transform, block.numbers = block.columns = numbers;
+        block.offset.assign(numbers, 0.0f), block.step.assign(numbers, 0.5f), block.codes = std::move(codes);
+        q.blocks.push_back(std::move(block));
+    };
+    for (const auto& [name, components] : {std::pair{"baseColor", 3u}, std::pair{"material", 2u}, std::pair{"normal", 3u}}) {
+        Channel c;
+        c.name = name, c.components = components;
+        q.frame.channels.push_back(std::move(c));
+    }
+    add("OPACITY", 1, 1, BlockTransform::kLinear, {20});
+    add("POSITION", 3, 3, BlockTransform::kLinear, {0, 0, 0});
+    add("ROTATION", 4, 3, BlockTransform::kRotation, {0, 0, 0});
+    add("SCALE", 3, 3, BlockTransform::kExp, {-2, -2, -2});
+    add("baseColor", 3, 3, BlockTransform::kLinear, {1, 1, 1});
+    add("material", 2, 2, BlockTransform::kLinear, {1, 0});
+    add("normal", 3, 2, BlockTransform::kDirection, {0, 0});
+    const auto bytes = encodeCompact(q);
+    REQUIRE(bool(bytes));
+    const GlbParts parts(*bytes);
+    const std::vector<uint8_t> opacity = {
+        0, 0, 0, 0,          // offset 0
+        0, 0, 0, 0x3f,       // step 0.5
+        0,                   // flags: the integer itself, one table
+        0, 17, 0x80, 0x20,   // token 0 does not occur, nor do 17 more; token 18 always: 4096 as LEB128
+        0, 0, 1, 0,          // the state of the one run: 2^16
+        0,                   // no words
+        1, 0x08,             // one byte of raw bits: 20 is 40 zigzagged, token 16 + 2 (5 - 4) + 0 and the four bits 1000
+    };
+    std::vector<uint8_t> start;
+    for (const std::byte b : std::span(parts.bin).first(opacity.size())) start.push_back(uint8_t(b));
+    CHECK(start == opacity);
+    const auto asset = decodeAsset(*bytes);
+    REQUIRE(bool(asset));
+    CHECK(asset->cloud.opacities[0] == 1); // 10, held in [0, 1]
+    CHECK(asset->cloud.scales[0].x == doctest::Approx(std::exp(-1)));
+}
