@@ -2,7 +2,10 @@
 // Out: falloff_t * v_t * max(T_dir(w_t), 0) of the four lights, sum_t I_t * falloff_t * max(T_ind(w_t), 0) over them, and, for the lobe
 // of the combine pass, v_t of the four.
 uniform sampler2D uGeometry;  // slot 0: mean, opacity; slot 3: rho, shadow
-uniform sampler2D uTransport; // slot i: T_ind rgb, T_dir of function i
+uniform sampler2D uTransport; // slot i: T_ind rgb, T_dir of function i, as numbers or (TRANSPORT_BYTES) bytes, then slot 25: their size
+#if TRANSPORT_BYTES
+uniform sampler2D uTransportScale; // texel i: unit of function i
+#endif
 uniform sampler2D uLights;    // see fetchLight; row 1: intensity
 uniform int uFirstLight;      // of slot 0 of this pass
 uniform int uLightCount;
@@ -27,6 +30,10 @@ void main()
     vec3 mean = texelFetch(uGeometry, splat, 0).xyz;
     vec4 transport[25];
     for (int i = 0; i < 25; ++i) transport[i] = texelFetch(uTransport, slotTexel(splat, i), 0);
+#if TRANSPORT_BYTES
+    vec4 size = exp2(texelFetch(uTransport, slotTexel(splat, 25), 0) * (-255.0 / 8.0)) / 127.0;
+    for (int i = 0; i < 25; ++i) transport[i] = (transport[i] * 255.0 - 128.0) * size * texelFetch(uTransportScale, ivec2(i, 0), 0);
+#endif
 
     vec4 direct = vec4(0.0), visible = vec4(0.0), occlusion = vec4(1.0);
     vec3 indirect = vec3(0.0);

@@ -49,9 +49,10 @@ Failure decode(Context& context, std::span<const std::byte> bytes, std::shared_p
 {
     Result<SplatAsset> decoded = decodeAsset(bytes);
     if (!decoded) return {decodeResult(decoded.error().code), decoded.error().message};
-    expandChannels(*decoded);
-    drawVisibility(*decoded);
     auto asset = std::make_shared<Asset>(context);
+    for (const CodedChannels& c : decoded->coded) asset->coded |= c.channels == std::vector<std::string>{"tDir", "tInd"};
+    expandChannels(*decoded);
+    drawVisibility(*decoded); // here, since decoding may run on any thread: no upload and no frame waits for it
     asset->source = std::make_unique<SplatAsset>(std::move(*decoded));
     const SplatAsset& source = *asset->source;
     asset->model = makeAssetModel(source.model, *asset);

@@ -25,6 +25,7 @@ struct Asset {
     SplatGrid grid;
     float lowPassVariance = 0;
     int visibilitySize = 0; // texels per side of the visibility maps; 0: none
+    bool coded = false;     // the file holds transport as rounded codes: on the GPU bytes are exact enough for it
     glm::vec3 boundsMin{0}, boundsMax{0};
     glm::quat yUpFromAsset{1, 0, 0, 0};
     AssetFrame frame;

@@ -7,14 +7,16 @@
 //
 // Textures beyond those of every model:
 //   asset      geometry    slots: rho+shadow; with a lobe also normal+sharpness, k; with forward also f+sharpness
-//              transport   RGBA16F  25 slots: T_ind rgb, T_dir
+//              transport   RGBA16F  25 slots: T_ind rgb, T_dir; of assets that hold codes RGBA8, 26 slots (see PackedTransport)
+//              scale       RGBA32F  only with RGBA8: unit of each function's T_ind rgb, T_dir, one row of 25
 //              scatter     RGBA16F  array, texel g * pairs + pair(i, j): c_ij rgb (all of a splat together: the view pass reads it 25 times)
 //              visibility  R8       array, texel (g * n + j) * n + i of the octahedral maps of n x n
 //   instance   direct, indirect     RGBA32F  light pass: one slot per four lights
 //              visible     RGBA16F  light pass: v of four lights per slot, for lobe and forward (v comes from bytes: half floats lose nothing of it)
 //   view       contracted  RGBA32F  view pass: every grid row of splats with s becomes one row per function of s
 // scatter and contracted exist only with s, visibility only with that channel, visible only with a lobe or forward and something that hides lights.
-// Coefficients of SH are stored as half floats (relative error at most 2^-11), the lobe as float (half a normal would shift a sharp
+// Coefficients of SH are stored as half floats (relative error at most 2^-11) or, where the file has rounded them more than that already, as
+// bytes: an asset of profile compact has 99 to 194 codes a splat, more bytes than these 104, and each would cost 25 products. The lobe as float (half a normal would shift a sharp
 // highlight by a percent of its width), visibility as the bytes of the file.
 #include "appearance/bigs/bigs.h"
 #include "base/half.h"
@@ -23,7 +25,9 @@
 #include "instance.h"
 #include "shader_sources.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 
 namespace nacre {
 
@@ -31,11 +35,68 @@ namespace {
 
 enum BigsSlot { kRhoShadow = kCommonSlots, kNormalSharpness, kLobeColor }; // forward has the next one that is free
 
+/// Transport in a byte a number: x = unit[function] * size * (byte - 128) / 127, the units shared by all splats, the size a splat's own and
+/// 2^(-b / 8) for the byte b in the last slot. All this for each of T_ind rgb, T_dir. Of the channels, which must outlive this.
+class PackedTransport {
+public:
+    PackedTransport(const Channel& tDir, const Channel& tInd) : tDir_(tDir), tInd_(tInd), sizes_(tDir.values.size() / kBigsTransportFunctions)
+    {
+        std::array<glm::dvec4, kBigsTransportFunctions> squares{};
+        for (size_t g = 0; g < sizes_.size(); ++g)
+            for (int i = 0; i < kBigsTransportFunctions; ++i) {
+                const glm::dvec4 x = at(g, i);
+                squares[size_t(i)] += x * x;
+            }
+        for (size_t i = 0; i < kBigsTransportFunctions; ++i) units_[i] = glm::sqrt(squares[i] / double(sizes_.size()));
+        glm::vec4 most(0);
+        for (size_t g = 0; g < sizes_.size(); ++g) most = glm::max(most, largestRatio(g));
+        for (glm::vec4& unit : units_) unit *= most; // so that no size is beyond 1
+        for (size_t g = 0; g < sizes_.size(); ++g) {
+            const glm::vec4 largest = largestRatio(g);
+            for (int c = 0; c < 4; ++c) sizes_[g][size_t(c)] = largest[c] > 0 ? uint8_t(std::clamp(std::floor(-8 * std::log2(largest[c])), 0.0f, 255.0f)) : 255;
+        }
+    }
+
+    const std::array<glm::vec4, kBigsTransportFunctions>& units() const { return units_; }
+
+    void texel(size_t g, int slot, uint8_t* out) const
+    {
+        for (int c = 0; c < 4; ++c) {
+            const uint8_t b = sizes_[g][size_t(c)];
+            if (slot == kBigsTransportFunctions) out[c] = b;
+            else out[c] = uint8_t(128 + std::lround(127 * std::clamp(ratio(g, slot, c) * std::exp2(float(b) / 8), -1.0f, 1.0f)));
+        }
+    }
+
+private:
+    glm::vec4 at(size_t g, int i) const
+    {
+        const size_t k = g * kBigsTransportFunctions + size_t(i);
+        return {tInd_.values[3 * k], tInd_.values[3 * k + 1], tInd_.values[3 * k + 2], tDir_.values[k]};
+    }
+    float ratio(size_t g, int i, int c) const
+    {
+        const float unit = units_[size_t(i)][c];
+        return unit > 0 ? at(g, i)[c] / unit : 0.0f;
+    }
+    glm::vec4 largestRatio(size_t g) const
+    {
+        glm::vec4 most(0);
+        for (int i = 0; i < kBigsTransportFunctions; ++i)
+            for (int c = 0; c < 4; ++c) most[c] = std::max(most[c], std::abs(ratio(g, i, c)));
+        return most;
+    }
+
+    const Channel &tDir_, &tInd_;
+    std::vector<std::array<uint8_t, 4>> sizes_; // by splat
+    std::array<glm::vec4, kBigsTransportFunctions> units_;
+};
+
 class BigsAsset final : public AssetModel {
 public:
     explicit BigsAsset(Asset& asset) : asset_(asset) {}
     Failure checkLayout(const SplatAsset& source) override;
-    int mostSlots() const override { return kBigsTransportFunctions; }
+    int mostSlots() const override { return kBigsTransportFunctions + int(asset_.coded); }
     int geometrySlots() const override { return forwardSlot() + int(hasForward) - int(kCommonSlots); }
     Failure upload(const SplatAsset& source, UploadQueue& queue) override;
     bool shadesPixels() const override { return false; }
@@ -54,13 +115,15 @@ public:
     size_t scattering = 0;     // so many splats, the first, have s
     bool hasLobe = false, hasForward = false, hasVisibility = false;
     float brightest = 0;
-    Texture transport, scatter, visibility;
+    Texture transport, transportScale, scatter, visibility;
 
 private:
+    void queuePackedTransport(UploadQueue& queue);
     void queueGeometry(const SplatAsset& source, UploadQueue& queue);
     std::string defines(bool occluded) const;
 
     Asset& asset_;
+    std::shared_ptr<const PackedTransport> packed_; // from decoding to upload
     mutable ProgramOnce light_[2], combine_[2], view_; // [occluded]
 };
 
@@ -157,6 +220,7 @@ Failure BigsAsset::checkLayout(const SplatAsset& source)
     for (const char* name : {"tDir", "tInd", "s"})
         if (const Channel* channel = source.find(name))
             if (Failure f = checkHalfRange(*channel)) return f;
+    if (asset_.coded) packed_ = std::make_shared<PackedTransport>(*source.find("tDir"), *source.find("tInd"));
     const Gl& gl = asset_.context.gl;
     if (Failure f = fitLongRow(gl, asset_.grid, "s", scattering, bigsPairCount(sFunctions))) return f;
     return fitLongRow(gl, asset_.grid, "visibility", asset_.grid.count, asset_.visibilitySize * asset_.visibilitySize);
@@ -182,13 +246,24 @@ void BigsAsset::queueGeometry(const SplatAsset& source, UploadQueue& queue)
                      [lobe](size_t g, float* t) { std::copy_n(&lobe->values[kBigsLobeFloats * g + 4], 3, t); });
 }
 
+void BigsAsset::queuePackedTransport(UploadQueue& queue)
+{
+    Context& context = asset_.context;
+    const std::shared_ptr<const PackedTransport> packed = std::move(packed_);
+    transportScale = Texture(context, GL_RGBA32F, kBigsTransportFunctions, 1);
+    context.gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, kBigsTransportFunctions, 1, GL_RGBA, GL_FLOAT, packed->units().data());
+    for (int i = 0; i < mostSlots(); ++i)
+        queueSlot<uint8_t>(queue, context.gl, asset_.grid, transport, i, [packed, i](size_t g, uint8_t* t) { packed->texel(g, i, t); });
+}
+
 Failure BigsAsset::upload(const SplatAsset& source, UploadQueue& queue)
 {
     Context& context = asset_.context;
     queueGeometry(source, queue);
     const Channel &tDir = *source.find("tDir"), &tInd = *source.find("tInd");
-    transport = slotTexture(context, asset_.grid, GL_RGBA16F, kBigsTransportFunctions);
-    for (int i = 0; i < kBigsTransportFunctions; ++i)
+    transport = slotTexture(context, asset_.grid, asset_.coded ? GL_RGBA8 : GL_RGBA16F, mostSlots());
+    if (asset_.coded) queuePackedTransport(queue);
+    for (int i = 0; i < kBigsTransportFunctions && !asset_.coded; ++i)
         queueSlot<uint16_t>(queue, context.gl, asset_.grid, transport, i, [&tDir, &tInd, i](size_t g, uint16_t* t) {
             const size_t k = g * kBigsTransportFunctions + size_t(i);
             for (size_t c = 0; c < 3; ++c) t[c] = halfFromFloat(tInd.values[3 * k + c]);
@@ -205,7 +280,7 @@ Failure BigsAsset::upload(const SplatAsset& source, UploadQueue& queue)
 std::string BigsAsset::defines(bool occluded) const
 {
     return define("VISIBILITY_SIZE", asset_.visibilitySize) + define("S_FUNCTIONS", sFunctions) + define("HAS_LOBE", int(hasLobe)) +
-           define("HAS_FORWARD", int(hasForward)) + define("FORWARD_SLOT", forwardSlot()) +
+           define("HAS_FORWARD", int(hasForward)) + define("TRANSPORT_BYTES", int(asset_.coded)) + define("FORWARD_SLOT", forwardSlot()) +
            define("HAS_VISIBILITY", int(hasVisibility)) + define("HAS_OCCLUSION", int(occluded)) + define("HAS_VISIBLE", int(hidesLights(occluded))) +
            define("LOBE_FACING", kBigsLobeFacing) + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kFetchLightGlsl + shaders::kVisibilityMapGlsl +
            shaders::kBigsGlsl;
@@ -215,7 +290,7 @@ Failure BigsAsset::lightProgram(bool occluded, const Program** program) const
 {
     return light_[occluded].find(program, [&](const Program** made) {
         return findProgram(asset_.context, {"light", shaders::kFullscreenVertGlsl, defines(occluded) + shaders::kBigsLightFragGlsl,
-                                        {"uGeometry", "uTransport", "uLights", "uVisibility", "uOcclusion"}}, made);
+                                        {"uGeometry", "uTransport", "uLights", "uVisibility", "uOcclusion", "uTransportScale"}}, made);
     });
 }
 
@@ -295,6 +370,7 @@ Failure BigsInstance::runGroups(int first, int count)
     instance_.lightTexture.bind(2);
     model_.visibility.bind(3);
     if (occluded) instance_.occlusion[b].bind(4);
+    model_.transportScale.bind(5);
     program->set("uFirstLight", int(b) * kBatchLights);
     program->set("uLightCount", instance_.lightCount());
     program->set("uWorldScale2", instance_.worldScale2());

@@ -126,13 +126,13 @@ private:
     uint64_t left_ = 0;
 };
 
-/// texel(g, out) for every splat of one slot, now. T is float or uint16_t (half).
+/// texel(g, out) for every splat of one slot, now. T is float, uint16_t (half) or uint8_t.
 template <class T, class Texel>
 void uploadSlot(const Gl& gl, const SplatGrid& grid, const Texture& texture, int slot, Texel texel)
 {
     std::vector<T> staging(size_t(4) * size_t(grid.width) * size_t(grid.rows), T(0));
     for (size_t g = 0; g < grid.count; ++g) texel(g, &staging[4 * g]);
-    const GLenum type = sizeof(T) == 2 ? GL_HALF_FLOAT : GL_FLOAT;
+    const GLenum type = sizeof(T) == 1 ? GL_UNSIGNED_BYTE : sizeof(T) == 2 ? GL_HALF_FLOAT : GL_FLOAT;
     texture.bind(0);
     gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, slot * grid.rows, grid.width, grid.rows, GL_RGBA, type, staging.data());
 }

@@ -380,11 +380,15 @@ public:
 
     NacreAsset create(const SplatAsset& source)
     {
-        gl->makeCurrent();
         const auto bytes = encodeAsset(source);
         REQUIRE(bytes);
+        return create(*bytes);
+    }
+    NacreAsset create(std::span<const std::byte> bytes)
+    {
+        gl->makeCurrent();
         NacreAsset made{};
-        REQUIRE_MESSAGE(nacreAssetCreate(context, bytes->data(), bytes->size(), &made) == NACRE_OK, lastMessage());
+        REQUIRE_MESSAGE(nacreAssetCreate(context, bytes.data(), bytes.size(), &made) == NACRE_OK, lastMessage());
         return made;
     }
     NacreInstance place(NacreAsset what, const glm::dmat4& worldFromAsset = glm::dmat4(1))
