@@ -9,7 +9,7 @@ mkdir -p "$out"
 entries=()
 variant() { # name label options...
     local name=$1 label=$2; shift 2
-    "$build/baker/nacre" bake "$dataset" -o "$out/$name.glb" --iterations "$iterations" --json "$out/$name.json" "$@" > "$out/$name.txt"
+    "$build/baker/nacre" bake "$dataset" -o "$out/$name.glb" --profile lossless --iterations "$iterations" --json "$out/$name.json" "$@" > "$out/$name.txt"
     entries+=("$label=$out/$name.json")
     echo "$label: $(grep -o '[a-z]* kept.*\|[a-z]* left out.*' "$out/$name.txt" || true)"
 }

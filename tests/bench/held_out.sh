@@ -12,7 +12,7 @@ one() { # dataset model
     local name=$(basename "$1")_$2
     local asset=$out/$name.glb
     if [ ! -e "$out/$name.baked" ]; then
-        "$nacre" bake "$1" -o "$asset" --model "$2" --minutes "$minutes" --threads 1 ${BAKE:-} > "$out/$name.log" 2>&1
+        "$nacre" bake "$1" -o "$asset" --profile lossless --model "$2" --minutes "$minutes" --threads 1 ${BAKE:-} > "$out/$name.log" 2>&1
         grep -E "iterations in|left out|kept" "$out/$name.log" | tr '\n' ' ' > "$out/$name.baked"
     fi
     for transforms in "$1"/transforms_*.json; do

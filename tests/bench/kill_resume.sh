@@ -10,7 +10,7 @@ kills=10 limit=0.1
 mkdir -p "$out"
 rm -f "$out"/{whole,killed}.glb*
 
-bake() { "$nacre" bake "$dataset" "$@" >>"$out/log.txt" 2>&1; }
+bake() { "$nacre" bake "$dataset" --profile lossless "$@" >>"$out/log.txt" 2>&1; }
 seconds() { # of a command, on the clock
     local from=$EPOCHREALTIME
     "$@" || { echo "FAILED: $* (see $out/log.txt)" >&2; return 1; }
@@ -33,7 +33,7 @@ goOn() { [ -e "$out/killed.glb.ckpt" ] && echo --resume || true; } # a kill befo
 for moment in $moments; do
     resume=$(goOn)
     [ -n "$resume" ] || anew=$((anew + 1))
-    "$nacre" bake "$dataset" -o "$out/killed.glb" --iterations "$iterations" $resume >>"$out/log.txt" 2>&1 &
+    "$nacre" bake "$dataset" --profile lossless -o "$out/killed.glb" --iterations "$iterations" $resume >>"$out/log.txt" 2>&1 &
     job=$!
     sleep "$moment"
     kill -9 $job 2>/dev/null || true

@@ -8,7 +8,7 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 nacre=$here/build/baker/nacre
 mkdir -p "$out"
 
-"$nacre" bake "$dataset" -o "$out/asset.glb" --model bigs --minutes "$minutes" --json "$out/bake.json"
+"$nacre" bake "$dataset" -o "$out/asset.glb" --profile lossless --model bigs --minutes "$minutes" --json "$out/bake.json"
 for split in test near directional environment; do
     "$nacre" eval "$out/asset.glb" "$dataset" --split "$split" --json "$out/$split.json" --images "$out/$split" > "$out/$split.txt" || continue
     printf '%-12s %s\n' "$split" "$(grep -E '^ *mean' "$out/$split.txt")"
