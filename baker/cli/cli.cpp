@@ -146,14 +146,14 @@ Result<const OlatSplit*> findSplit(const OlatDataset& dataset, const std::string
     return Error{ErrorCode::kBadInput, "dataset '" + dataset.path + "' has no split '" + name + "'; it has: " + names};
 }
 
-Result<AssetFile> openAsset(const std::string& path)
+Result<AssetFile> openAsset(const std::string& path, bool withMaps)
 {
     auto bytes = readFile(path);
     if (!bytes) return bytes.error();
     auto asset = decodeAsset(*bytes);
     if (!asset) return Error{asset.error().code, "'" + path + "': " + asset.error().message};
     expandChannels(*asset);
-    drawVisibilityInParallel(*asset);
+    if (withMaps) drawVisibilityInParallel(*asset);
     return AssetFile{std::move(*bytes), std::move(*asset)};
 }
 

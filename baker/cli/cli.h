@@ -82,7 +82,8 @@ struct AssetFile {
     std::vector<std::byte> bytes;
     SplatAsset asset;
 };
-Result<AssetFile> openAsset(const std::string& path);
+/// `withMaps`: visibility that follows from the splats is drawn, which takes seconds.
+Result<AssetFile> openAsset(const std::string& path, bool withMaps = true);
 
 /// --threads N, of commands whose result does not depend on it.
 struct ThreadsOption {

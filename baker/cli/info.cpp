@@ -116,7 +116,7 @@ static Status datasetInfo(const InfoArguments& args)
 
 static Status assetInfo(const InfoArguments& args)
 {
-    const auto file = openAsset(args.path);
+    const auto file = openAsset(args.path, false);
     if (!file) return file.error();
     const SplatAsset& asset = file->asset;
     const AssetSummary summary = summarizeAsset(asset, file->bytes);
@@ -134,6 +134,7 @@ static Status assetInfo(const InfoArguments& args)
         std::printf("%-24s %10zu bytes, %.1f per splat\n", channel.name.c_str(), channel.bytes, double(channel.bytes) / double(splats));
         channels.push_back({{"name", channel.name}, {"bytes", channel.bytes}});
     }
+    if (asset.drawnVisibility > 0) std::printf("visibility: %d x %d texels a splat, drawn from the splats when the asset is used\n", asset.drawnVisibility, asset.drawnVisibility);
     if (args.json.empty()) return ok();
     return writeJson({{"model", asset.model}, {"splats", splats}, {"asset_bytes", bytes}, {"bytes_per_splat", perSplat},
                       {"profile", summary.profile}, {"channels", channels},
