@@ -206,29 +206,29 @@ struct StoredAsset {
     std::vector<std::string> warnings;
 };
 
-/// With the look of other viewers, under the training lights.
-static Result<StoredAsset> losslessly(SplatAsset asset, const OlatSplit& train)
+/// In full, with the look of other viewers under the training lights.
+static Result<StoredAsset> unpacked(bool interop, SplatAsset asset, const OlatSplit& train)
 {
     std::vector<Light> lights;
     for (const OlatImage& image : train.images) lights.push_back(lightInAsset(asset.frame, image.light));
     auto neutral = fitNeutralLook(asset, lights);
     if (!neutral) return neutral.error();
     asset.neutral = std::move(*neutral);
-    auto file = encodeAsset(asset);
+    auto file = interop ? encodeInterop(asset) : encodeAsset(asset);
     if (!file) return file.error();
     return StoredAsset{std::move(*file), asset.cloud.count, "", {}};
 }
 
 static Result<StoredAsset> storedAs(const std::string& profile, const SplatAsset& asset, const OlatSplit& train, Progress& progress)
 {
-    if (profile == "lossless") return losslessly(asset, train);
+    if (profile != "compact") return unpacked(profile == "interop", asset, train);
     PackOptions options;
     options.seen = &train;
     options.progress = [&](const std::string& text) { progress.show("packing: " + text); };
     auto packed = packCompact(asset, options);
     progress.clear();
     if (!packed) { // the bake is worth more than its size
-        auto lossless = losslessly(asset, train);
+        auto lossless = unpacked(false, asset, train);
         if (lossless) lossless->warnings.push_back("could not be packed (" + packed.error().message + "); written with --profile lossless");
         return lossless;
     }
@@ -240,7 +240,7 @@ static Result<StoredAsset> storedAs(const std::string& profile, const SplatAsset
 /// Seconds of --minutes that packing will need, about.
 static double packingSeconds(const BakeArguments& args)
 {
-    if (args.profile == "lossless") return 0;
+    if (args.profile != "compact") return 0;
     const double perSplat = 1.5e-3;
     return std::min(0.1 * 60 * args.options.minutes, perSplat * double(bakeSplats(args.options)));
 }
@@ -389,8 +389,8 @@ Action addBake(CLI::App& app)
         "Correct gain and direction of each training light on the way, for captures that are off by a few per cent or degrees");
     auto* resume = sub->add_flag("--resume", o.resume, "Go on with what an interrupted bake has left: ASSET.glb.ckpt or, of --model auto, ASSET.glb.trials");
     sub->add_flag("--restart", args->restart, "Discard what an interrupted bake has left and start anew")->excludes(resume);
-    sub->add_option("--profile", args->profile, "How the asset is stored. compact: quantised where it does not show, 0.3 dB at most (see nacre pack); lossless: float32, 40 times as large")
-        ->check(CLI::IsMember({"compact", "lossless"}))->capture_default_str();
+    sub->add_option("--profile", args->profile, "How the asset is stored. compact: quantised where it does not show, 0.3 dB at most (see nacre pack); lossless: float32, 40 times as large; interop: for any viewer of KHR_gaussian_splatting, float32 without visibility maps")
+        ->check(CLI::IsMember({"compact", "lossless", "interop"}))->capture_default_str();
     sub->add_option("--json", args->json, "Write figures of the bake, and its held-out error over time (up to 48 images of the test split; no time of --minutes is spent on it), to this file");
     sub->footer("Ctrl-C and SIGTERM write a checkpoint next to the output; --resume goes on from there.");
     return [args] { return runBake(*args); };

@@ -3,6 +3,7 @@
 
 #include "asset/asset_io.h"
 #include "base/file.h"
+#include "pack/neutral_look.h"
 #include "pack/pack.h"
 #include "pack/pack_curve.h"
 
@@ -16,10 +17,15 @@ struct PackArguments {
     ThreadsOption threads;
 };
 
+static std::string sizeText(const PackArguments& args, const AssetFile& in, size_t splats, size_t bytes)
+{
+    return format("%s: %zu splats, %zu bytes (%.1f per splat; before %zu, %.1f)", args.out.c_str(), splats, bytes, double(bytes) / double(splats), in.bytes.size(),
+                  double(in.bytes.size()) / double(in.asset.cloud.count));
+}
+
 static void print(const PackArguments& args, const AssetFile& in, const PackResult& packed)
 {
-    std::printf("%s: %zu splats, %zu bytes (%.1f per splat; before %zu, %.1f), %.1f dB from the input\n", args.out.c_str(), packed.splats, packed.file.size(),
-                double(packed.file.size()) / double(packed.splats), in.bytes.size(), double(in.bytes.size()) / double(in.asset.cloud.count), packed.psnr);
+    std::printf("%s, %.1f dB from the input\n", sizeText(args, in, packed.splats, packed.file.size()).c_str(), packed.psnr);
     std::printf("an asset 30 dB from the truth loses %.3f dB\n", packed.lossDecibel);
     if (packed.pruned > 0) std::printf("%zu splats are never seen and were left out\n", packed.pruned);
     for (const std::string& name : packed.leftOut) std::printf("%s does not earn its bytes and was left out\n", name.c_str());
@@ -38,6 +44,24 @@ static Json figures(const PackArguments& args, const PackResult& packed)
             {"channels", channels},          {"curve", curve}};
 }
 
+/// Profiles that round nothing. Interop: an asset without a look for other viewers gets one, under lights from everywhere.
+static Status writeUnpacked(const PackArguments& args, const AssetFile& in)
+{
+    SplatAsset asset = in.asset;
+    if (args.profile == "interop" && asset.neutral.shFunctions == 0) {
+        auto look = fitNeutralLook(asset, neutralLights(asset));
+        if (!look) return look.error();
+        asset.neutral = std::move(*look);
+    }
+    const auto file = args.profile == "interop" ? encodeInterop(asset) : encodeAsset(asset);
+    if (!file) return file.error();
+    if (Status s = writeFileAtomically(args.out, *file); !s) return s;
+    const size_t splats = asset.cloud.count;
+    std::printf("%s\n", sizeText(args, in, splats, file->size()).c_str());
+    if (args.json.empty()) return ok();
+    return writeJson({{"profile", args.profile}, {"splats", splats}, {"asset_bytes", file->size()}, {"bytes_per_splat", double(file->size()) / double(splats)}}, args.json);
+}
+
 static Status runPack(const PackArguments& args)
 {
     const auto threads = limitThreads(args.threads.count);
@@ -45,7 +69,7 @@ static Status runPack(const PackArguments& args)
         if (Status s = checkWritable(path); !s) return s;
     const auto file = openAsset(args.in);
     if (!file) return file.error();
-    if (args.profile == "lossless") return writeAsset(file->asset, args.out);
+    if (args.profile != "compact") return writeUnpacked(args, *file);
 
     PackOptions options;
     options.maxLossDecibel = args.maxLoss, options.bytesPerSplat = args.bytesPerSplat, options.curve = !args.curve.empty();
@@ -78,7 +102,8 @@ Action addPack(CLI::App& app)
     CLI::App* sub = app.add_subcommand("pack", "Make an asset small: few bits where they do not show");
     sub->add_option("IN", args->in, "Asset (.glb)")->required();
     sub->add_option("-o,--output", args->out, "Asset to write (.glb)")->required();
-    sub->add_option("--profile", args->profile, "compact: quantised and entropy-coded; lossless: float32")->check(CLI::IsMember({"compact", "lossless"}))->capture_default_str();
+    sub->add_option("--profile", args->profile, "compact: quantised and entropy-coded; lossless: float32; interop: float32 for any viewer of KHR_gaussian_splatting")
+        ->check(CLI::IsMember({"compact", "lossless", "interop"}))->capture_default_str();
     auto* loss = sub->add_option("--max-loss-db", args->maxLoss, "Loss of PSNR that is allowed, for an asset 30 dB from the truth [dB]")->check(numberBetween(0.001, 20))->capture_default_str();
     sub->add_option("--bytes-per-splat", args->bytesPerSplat, "Size of the file to aim at instead [bytes per splat]")->check(numberBetween(4, 5000))->excludes(loss);
     sub->add_option("--visibility", args->visibility, "drawn32, drawn16: none in the file, readers draw maps of so many texels a side from the splats; stored: codes, more bytes but quick to load")

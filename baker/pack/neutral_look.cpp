@@ -143,4 +143,14 @@ Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Ligh
     return look;
 }
 
+std::vector<Light> neutralLights(const SplatAsset& asset)
+{
+    std::vector<Light> lights(makeRadianceSampler(asset).lights);
+    for (size_t i = 0; i < lights.size(); ++i) {
+        lights[i].type = LightType::kDirectional;
+        lights[i].directionToLight = glm::vec3(fibonacciDirection(int(i), int(lights.size())));
+    }
+    return lights;
+}
+
 } // namespace nacre

@@ -6,6 +6,7 @@
 #include "splats/splat_asset.h"
 
 #include <span>
+#include <vector>
 
 namespace nacre {
 
@@ -14,5 +15,9 @@ namespace nacre {
 /// asset that faces the mean light direction has radiance 1. Same result for any number of threads.
 /// Errors kBadInput: invalid asset, no point or directional light, all of them dark.
 Result<NeutralLook> fitNeutralLook(const SplatAsset& asset, std::span<const Light> lights);
+
+/// For an asset whose lights nobody knows any more: white directional lights of equal intensity from everywhere (Fibonacci directions), as
+/// many as fitNeutralLook uses for this asset (64 for bigs, fewer for sss).
+std::vector<Light> neutralLights(const SplatAsset& asset);
 
 } // namespace nacre

@@ -328,6 +328,17 @@ expect 0 "" "$nacre" pack $asset -o one/sized.glb --bytes-per-splat 40 --against
 expect 0 "" "$nacre" pack $asset -o one/stored.glb --visibility stored
 expect 0 "" "$nacre" pack one/small.glb -o one/large.glb --profile lossless
 expect 0 "compact" "$nacre" info one/small.glb
+for input in small large; do
+    expect 0 "" "$nacre" pack one/$input.glb -o one/interop_$input.glb --profile interop --json pack.json
+    keys pack.json 2 profile splats asset_bytes bytes_per_splat
+    grep -q "interop_$input.glb: .* bytes (" stdout.txt || fail "pack --profile interop does not say how large the file is: $(cat stdout.txt)"
+    grep -qa '"extensionsRequired"' one/interop_$input.glb && fail "an asset for other viewers requires an extension of them"
+    expect 0 "" "$nacre" render one/interop_$input.glb -o $input.exr --size 64x64 --orbit 30,20 --renderer reference
+done
+expect 0 "" "$nacre" render one/large.glb -o b.exr --size 64x64 --orbit 30,20 --renderer reference
+cmp large.exr b.exr || fail "for other viewers, the asset is lit otherwise"
+expect 0 "" "$nacre" bake "$sample" -o one/interop.glb --profile interop --max-splats 100 --iterations 3
+grep -qa '"profile":"interop"' one/interop.glb || fail "bake --profile interop wrote another profile"
 expect 2 "--max-loss-db" "$nacre" pack $asset -o a.glb --max-loss-db nan
 expect 2 "excludes" "$nacre" pack $asset -o a.glb --max-loss-db 1 --bytes-per-splat 30
 expect 2 "no folder" "$nacre" pack $asset -o nosuch/a.glb
