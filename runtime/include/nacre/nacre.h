@@ -112,7 +112,7 @@ NACRE_API NacreResult nacreContextGetInfo(NacreContext context, NacreContextInfo
 NACRE_API NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset);
 
 /// The same in slices. Decode on any thread, also while the context draws (but destroy the context only afterwards); it makes no GL call.
-/// Visibility maps that the file leaves out are drawn in it, which takes a second or a few.
+/// Visibility maps that the file leaves out are drawn in it, which takes about 0.25 ms a splat of one core: 6 s for 24,000.
 /// Then, on the context's thread, upload about `budgetBytes` at each step, at least one piece, until `*bytesLeft` (may be null) is 0.
 /// Instances of an asset that is not complete are not drawn.
 NACRE_API NacreResult nacreAssetDecode(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset);
