@@ -89,9 +89,9 @@ Result<BlockWriter> BlockWriter::create(SplatAsset& asset, BlockLayout layout)
     if (layout.transform != BlockTransform::kLinear && (layout.targets.size() > 1 || basis)) return bad("of '" + name + "' has a transform that takes one target and no basis");
     if (layout.numbers != numbers || layout.offset.size() != numbers || layout.step.size() != layout.columns || layout.columns == 0 ||
         layout.scale.size() != (basis ? numbers : 0) ||
-        (basis ? layout.basis.size() != size_t(layout.columns) * numbers || !whole || perAsset : layout.columns != numbers || bytes))
+        (basis ? layout.basis.size() != size_t(layout.columns) * numbers || layout.columns > 2 * numbers || !whole || perAsset : layout.columns != numbers || bytes))
         return bad("of '" + name + "' has " + std::to_string(layout.columns) + " columns for " + std::to_string(layout.numbers) + " numbers, expected " +
-                   std::to_string(numbers) + (bytes ? " and a basis" : ""));
+                   std::to_string(numbers) + (basis ? " and at most twice as many columns" : bytes ? " and a basis" : ""));
     const auto finite = [](float x) { return std::abs(x) <= 1e15f; };
     for (const std::vector<float>* parameters : {&layout.offset, &layout.step, &layout.scale})
         if (!std::all_of(parameters->begin(), parameters->end(), finite)) return bad("of '" + name + "' has an offset, step or scale that is not finite or beyond 1e15");

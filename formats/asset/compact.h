@@ -36,7 +36,7 @@ struct BlockTarget {
 struct BlockLayout {
     std::vector<BlockTarget> targets; // side by side; several only with a linear transform
     BlockTransform transform = BlockTransform::kLinear;
-    uint32_t numbers = 0, columns = 0; // equal without a basis; 1 and 1 per asset
+    uint32_t numbers = 0, columns = 0; // equal without a basis, at most two columns a number with one; 1 and 1 per asset
     std::vector<float> offset, step;   // [numbers], [columns]
     std::vector<float> scale;          // [numbers], with a basis
     std::vector<int8_t> basis;         // [columns][numbers], or empty

@@ -51,6 +51,7 @@ BlockLayout readLayout(const json& entry, std::span<const std::byte>& bytes, con
     layout.transform = find(entry, "transform") ? transformOf(needString(entry, "transform", where), where) : BlockTransform::kLinear;
     const size_t numbers = needSize(entry, "numbers", where), columns = sizeOr(entry, "columns", numbers, where);
     if (numbers == 0 || numbers > kMostNumbers || columns == 0 || columns > kMostNumbers) bad(where + " has no numbers or columns, or more than " + std::to_string(kMostNumbers));
+    if (columns > 2 * numbers || columns > bytes.size() / codec::kLeastColumnBytes) bad(where + " has " + std::to_string(columns) + " columns, more than its bytes or numbers allow");
     layout.numbers = uint32_t(numbers), layout.columns = uint32_t(columns);
     takeArray(bytes, numbers, layout.offset, where);
     takeArray(bytes, columns, layout.step, where);

@@ -188,6 +188,16 @@ TEST_CASE("a compact file cannot ask for more splats than its bytes allow")
     CHECK(asset.error().message.find("9999999999 splats") != std::string::npos);
 }
 
+TEST_CASE("a block cannot ask for more columns than its numbers and bytes allow")
+{
+    GlbParts edited(compactBytes(300, false));
+    for (nlohmann::json& block : edited.relight()["blocks"])
+        if (block.contains("basis") && block["numbers"] == 100) block["columns"] = 8192;
+    const auto asset = decodeAsset(edited.bytes());
+    REQUIRE(!asset);
+    CHECK(asset.error().message.find("8192 columns") != std::string::npos);
+}
+
 TEST_CASE("blocks that overlap, leave something out or do not fit are refused")
 {
     const auto refused = [](auto&& change) {

@@ -21,7 +21,10 @@ void encodeColumn(std::span<const int32_t> column, std::span<const int32_t> left
 /// What encodeColumn spends on `column`, in bytes.
 size_t encodedBytes(std::span<const int32_t> column, std::span<const int32_t> left);
 
-/// Decodes columns one after the other. Any bytes are safe; memory beyond the caller's own is a few ten kilobytes.
+/// Flags, a table, a state and two counts.
+constexpr size_t kLeastColumnBytes = 9;
+
+/// Decodes columns one after the other. Any bytes are safe; memory beyond the caller's own is 144 KiB.
 class ColumnDecoder {
 public:
     explicit ColumnDecoder(std::span<const std::byte> bytes) : rest_(bytes) {}
