@@ -56,6 +56,7 @@ public:
 
     virtual size_t count() const = 0;
     virtual void resize(size_t count) = 0;                       // new splats get neutral coefficients
+    virtual void tint(size_t splat, const glm::vec3& factor) = 0; // of a new splat: its colour times so much
     virtual void copySplat(size_t from, size_t to) = 0;          // clears the optimiser state of `to`
     virtual void permute(std::span<const uint32_t> order) = 0;
 

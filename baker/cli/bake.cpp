@@ -19,7 +19,7 @@
 namespace nacre::cli {
 
 struct BakeArguments {
-    std::string dataset, output, device = "auto", profile = "compact", json;
+    std::string dataset, output, device = "auto", profile = "compact", json, init;
     bool restart = false;
     BakeOptions options;
     std::string trialsPath() const { return output + ".trials"; } // of --model auto; what it has tried
@@ -256,6 +256,13 @@ static Status runBake(BakeArguments args)
     if (Status s = checkLeftovers(args); !s) return s;
     for (const std::string& path : {args.output, options.checkpointPath}) removeAbandonedTemporaries(path);
 
+    if (!args.init.empty()) {
+        auto init = readInitialSplats(args.init);
+        if (!init) return init.error();
+        for (const std::string& line : init->warnings) warn(line);
+        options.init = std::make_shared<const InitialSplats>(std::move(*init));
+    }
+
     const auto begun = std::chrono::steady_clock::now();
     const auto threads = limitThreads(options.threads);
     const std::atomic<bool>& stop = catchStopSignals();
@@ -371,6 +378,9 @@ Action addBake(CLI::App& app)
     sub->add_option("--seed", o.seed, "Of every random choice")->check(wholeNumber(0, INT64_MAX))->capture_default_str();
     sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality, and no more than the images can resolve)")
         ->check(wholeNumber(1, 100000000));
+    sub->add_option("--init", args->init,
+                    "Start from these splats instead of the visual hull: a .ply of 3D Gaussian splatting in axes and units of the dataset, or an\n"
+                    "asset (.glb) of it; of more than --max-splats those that cover most");
     sub->add_option("--s-functions", o.sFunctions,
                     "bigs: spherical harmonics of the view-dependent term s, while it earns its bytes (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));

@@ -30,6 +30,7 @@ using Json = nlohmann::ordered_json;
 using Action = std::function<Status()>;
 
 Action addBake(CLI::App& app);
+Action addConvert(CLI::App& app);
 Action addEval(CLI::App& app);
 Action addRender(CLI::App& app);
 Action addInfo(CLI::App& app);

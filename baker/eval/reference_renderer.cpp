@@ -1,6 +1,7 @@
 // Draws an asset with the scalar reference math only: projection.h, the model's header, reference_raster.h in float32, tiles in parallel.
 #include "appearance/model_table.h"
 #include "appearance/reference_model.h"
+#include "base/spherical_harmonics.h"
 #include "eval/splat_renderer.h"
 #include "render/cloud_geometry.h"
 #include "render/reference_raster.h"
@@ -16,12 +17,44 @@ namespace nacre {
 
 namespace {
 
+/// Splats that only shine.
+class PlainModel final : public ReferenceModel {
+public:
+    PlainModel(const SplatCloud& cloud, const NeutralLook& look) : cloud_(cloud), look_(look) {}
+    int channels(size_t) const override { return 3; }
+    float opacity(size_t splat) const override { return cloud_.opacities[splat]; }
+    void shade(size_t splat, const float* eye, std::span<const Light>, float* color) const override
+    {
+        const glm::vec3 d = glm::normalize(cloud_.positions[splat] - glm::vec3(eye[0], eye[1], eye[2]));
+        float y[kMaxShFunctions];
+        shBasis(look_.shFunctions, d.x, d.y, d.z, y);
+        for (int c = 0; c < 3; ++c) {
+            color[c] = 0.5f;
+            for (int f = 0; f < look_.shFunctions; ++f) color[c] += look_.sh[splat * size_t(look_.shFunctions) + size_t(f)][c] * y[f];
+            color[c] = std::max(0.0f, color[c]);
+        }
+    }
+    void resolve(const float* blended, float, const float*, const float*, std::span<const Light>, float* rgb) const override { std::copy_n(blended, 3, rgb); }
+    Status setEdits(std::span<const SplatEdit>) override { return Error{ErrorCode::kUnsupported, "plain splats have no materials to edit"}; }
+
+private:
+    const SplatCloud& cloud_;
+    const NeutralLook& look_;
+};
+
 class ReferenceRenderer final : public SplatRenderer {
 public:
-    ReferenceRenderer(const SplatAsset& asset) : asset_(asset)
+    explicit ReferenceRenderer(const SplatAsset& asset) : asset_(asset)
     {
         geometry_ = geometryOf(asset_.cloud);
         model_ = makeReferenceModel(asset_);
+    }
+    ReferenceRenderer(const PlainSplats& splats, float lowPassVariance) : look_(splats.look)
+    {
+        asset_.cloud = splats.cloud;
+        asset_.lowPassVariance = lowPassVariance;
+        geometry_ = geometryOf(asset_.cloud);
+        model_ = std::make_unique<PlainModel>(asset_.cloud, look_);
     }
 
     Result<Image> render(const Camera& camera, std::span<const Light> lights) override
@@ -81,7 +114,8 @@ private:
         return image;
     }
 
-    const SplatAsset asset_;
+    SplatAsset asset_;
+    NeutralLook look_; // of plain splats
     std::vector<GaussianGeometry<float>> geometry_;
     std::unique_ptr<ReferenceModel> model_;
     TileBuilder builder_;
@@ -95,6 +129,11 @@ Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& a
     if (Status s = validate(asset); !s) return s.error();
     if (!makeReferenceModel(asset)) return Error{ErrorCode::kUnsupported, "the reference renderer does not know the model '" + asset.model + "'"};
     return inDatasetFrame(asset.frame, std::make_unique<ReferenceRenderer>(asset));
+}
+
+std::unique_ptr<SplatRenderer> makePlainRenderer(const PlainSplats& splats, float lowPassVariance)
+{
+    return std::make_unique<ReferenceRenderer>(splats, lowPassVariance);
 }
 
 } // namespace nacre

@@ -7,7 +7,7 @@
 #include "base/image.h"
 #include "base/light.h"
 #include "base/result.h"
-#include "splats/splat_asset.h"
+#include "splats/plain_splats.h"
 
 #include <memory>
 #include <span>
@@ -35,6 +35,9 @@ Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte>
 
 /// Scalar math of formats/appearance and baker/render on the CPU.
 Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& asset);
+
+/// Splats that only shine, in their own axes and units, by the same code; lights are ignored. The image is in the splats' colour space.
+std::unique_ptr<SplatRenderer> makePlainRenderer(const PlainSplats& splats, float lowPassVariance);
 
 /// Takes what is in the units of the dataset to a renderer of the asset's own.
 std::unique_ptr<SplatRenderer> inDatasetFrame(const AssetFrame& frame, std::unique_ptr<SplatRenderer> renderer);

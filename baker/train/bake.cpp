@@ -124,7 +124,8 @@ Status Bake::setUp()
     result_.warnings = std::move(p.warnings);
 
     trainer_ = std::make_unique<Trainer>(p.trainer, makeTrainableAppearance(options_.model, p.appearance));
-    trainer_->initialize(p.points, p.spacing, p.flat);
+    if (p.init.cloud.count > 0) trainer_->initialize(p.init.cloud, p.init.colors);
+    else trainer_->initialize(p.points, p.spacing, p.flat);
     if (options_.refineLights) refinement_ = std::make_unique<LightRefinement>(*p.split, p.center);
     steps_ = std::make_unique<TrainingSteps>(*p.split, *p.images, StepOrder(std::move(p.views), options_.seed), *trainer_, refinement_.get());
     return ok();

@@ -5,11 +5,13 @@
 #include "dataset/olat_dataset.h"
 #include "splats/splat_asset.h"
 #include "train/image_screen.h"
+#include "train/initial_splats.h"
 #include "train/light_refinement.h"
 
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -28,6 +30,7 @@ struct BakeOptions {
     std::vector<std::string> without;  // for comparisons: see AppearanceOptions
     double dssim = -1;                 // lambda of the loss (loss.h), the weight of 1-SSIM; -1: default
     bool refineLights = false;         // correct the training lights' gains and directions on the way
+    std::shared_ptr<const InitialSplats> init; // to start from, instead of the visual hull
     size_t imageBudgetBytes = size_t(1) << 30;
     std::string checkpointPath;        // empty: none
     bool resume = false;

@@ -48,6 +48,7 @@ std::string bakeIdentity(const OlatDataset& dataset, const OlatSplit& split, con
          << options.sFunctions << "\n--dssim " << options.dssim << "\n--refine-lights " << (options.refineLights ? "on" : "off")
          << "\n--without ";
     for (const std::string& part : options.without) text << part << ',';
+    if (options.init) text << "\n--init of hash " << std::hex << options.init->hash;
     text << "\ndataset " << std::hex << hashOf(dataset, split) << '\n';
     return text.str();
 }

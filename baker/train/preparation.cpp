@@ -240,6 +240,14 @@ Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& optio
     if (options.splatsByPixels && !hull->surface.empty()) p.trainer.maxSplats = std::min(p.trainer.maxSplats, splatsForPixels(*hull, masks->cameras));
     placeSplats(p, *hull);
     p.trainer.sceneSize = objectSize(*hull);
+    if (options.init) {
+        auto init = placedFor(dataset.frame, p.center, p.trainer.sceneSize, p.trainer.maxSplats, *options.init);
+        if (!init) return init.error();
+        p.init = std::move(*init);
+        if (p.init.cloud.count < options.init->cloud.count)
+            p.warnings.push_back("--init: starting from " + std::to_string(p.init.cloud.count) + " of " + std::to_string(options.init->cloud.count) +
+                                 " splats, those that cover most (--max-splats)");
+    }
     p.trainer.loss.dssim = float(options.dssim);
     if (masks->silhouettes != Silhouettes::kGood) p.trainer.loss.alphaWeight = 0;
 

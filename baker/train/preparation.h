@@ -19,7 +19,8 @@ struct Preparation {
     AppearanceOptions appearance;
     std::vector<OrientedPoint> points; // where the first splats lie,
     float spacing = 0;                // so far apart,
-    bool flat = false;                // and whether on a surface
+    bool flat = false;                // and whether on a surface; or, if there are any,
+    InitialSplats init;               // the first splats themselves
     std::vector<std::string> warnings;
 };
 

@@ -91,6 +91,22 @@ void Trainer::initialize(std::span<const OrientedPoint> points, float spacing, b
     resetStatistics();
 }
 
+void Trainer::initialize(const SplatCloud& cloud, std::span<const glm::vec3> tints)
+{
+    geometry_.resize(cloud.count);
+    for (size_t i = 0; i < cloud.count; ++i) {
+        GeometryRow& r = geometry_.raw[i];
+        const glm::quat& q = cloud.rotations[i];
+        for (int k = 0; k < 3; ++k) r[k] = cloud.positions[i][k], r[3 + k] = std::log(cloud.scales[i][k]);
+        r[6] = q.w, r[7] = q.x, r[8] = q.y, r[9] = q.z;
+        r[10] = logit(cloud.opacities[i]); // of 0 and 1 infinite, which is then kept within bounds
+        geometry_.activate(i);
+    }
+    appearance_->resize(cloud.count);
+    for (size_t i = 0; i < cloud.count; ++i) appearance_->tint(i, tints[i]);
+    resetStatistics();
+}
+
 VisibleView Trainer::project(const Camera& camera, int channels)
 {
     view_ = makeView<float>(camera, options_.lowPassVariance);

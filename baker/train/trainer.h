@@ -31,6 +31,9 @@ public:
     /// Splats at the points, `spacing` apart: discs across the normals, or balls if not `flat`.
     void initialize(std::span<const OrientedPoint> points, float spacing, bool flat, float opacity = 0.5f);
 
+    /// Splats as they are, each `tints` times the brightness of a new one.
+    void initialize(const SplatCloud& cloud, std::span<const glm::vec3> tints);
+
     /// Where a step stands in the bake.
     struct Moment {
         int step = 1;        // from 1

@@ -71,7 +71,7 @@ bake=("$nacre" bake "$sample" --max-splats 400 --s-functions 4 --profile lossles
 echo "-- arguments"
 expect 0 "" "$nacre" --help
 expect 0 "" "$nacre" --version
-for command in synth bake eval render info pack; do
+for command in synth bake eval render convert info pack; do
     expect 0 "" "$nacre" $command --help
     expect 2 "--nosuch" "$nacre" $command a b -o c --nosuch
 done
@@ -283,6 +283,43 @@ expect 2 "train, test" "$nacre" eval $asset "$sample" --split near
 expect 2 "NaN" "$nacre" eval $asset nan --split train
 expect 1 "" bash -c 'ulimit -f 4; exec "$@"' _ "$nacre" eval $asset "$sample" --frames 0 --images full_images
 [ -z "$(find full_images -name '*.tmp*')" ] || fail "a full disk left temporary files in full_images"
+
+mkdir converted
+lit=(--light point:2,0,3:40,30,20 --light directional:0,0,1:0.5)
+expect 0 "" "$nacre" convert $asset converted/a.ply "${lit[@]}"
+expect 0 "" "$nacre" convert $asset converted/a.glb "${lit[@]}" --exposure 0.5 --color-space linear --threads 1
+expect 0 "" "$nacre" convert $asset converted/one.ply "${lit[@]}" --threads 1
+cmp -s converted/a.ply converted/one.ply || fail "a snapshot depends on the number of threads"
+grep -q lin_rec709_display converted/a.glb || fail "a linear snapshot does not say so"
+grep -q extensionsRequired converted/a.glb && fail "a plain .glb requires an extension"
+expect 0 "" "$nacre" convert converted/a.ply converted/b.glb --axes y-down
+expect 0 "" "$nacre" convert converted/b.glb converted/c.ply --axes y-down
+expect 0 "" "$nacre" convert converted/a.glb converted/d.ply
+only converted a.glb a.ply b.glb c.ply d.ply one.ply
+head -c 3000 converted/a.ply >cut.ply
+head -c 3000 converted/a.glb >cut.glb
+expect 2 "truncated" "$nacre" convert cut.ply converted/e.ply
+expect 2 "truncated" "$nacre" convert cut.glb converted/e.ply
+expect 2 "neither a .ply nor a .glb" "$nacre" convert "$0" converted/e.ply
+expect 2 "nosuch.ply" "$nacre" convert nosuch.ply converted/e.ply
+expect 2 "give the lights" "$nacre" convert $asset converted/e.ply
+expect 2 "input itself" "$nacre" convert converted/a.ply converted/../converted/a.ply
+expect 2 ".ply or .glb" "$nacre" convert converted/a.ply converted/e.obj
+expect 2 "--light" "$nacre" convert converted/a.ply converted/e.glb --light point:1,2,3:4
+expect 2 "--exposure" "$nacre" convert converted/a.ply converted/e.glb --exposure 2
+expect 2 "--axes" "$nacre" convert $asset converted/e.glb --light point:1,2,3:4 --axes y-up
+expect 2 "--axes" "$nacre" convert converted/a.ply converted/e.ply --axes y-up
+for bad in spot:1,2,3:4 lamp:1,2,3:4 nosuch.exr; do expect 2 "$bad" "$nacre" convert $asset converted/e.ply --light ${bad/#nosuch/environment:nosuch}; done
+for bad in 0 -1 nan; do expect 2 "--exposure" "$nacre" convert $asset converted/e.ply "${lit[@]}" --exposure $bad; done
+only converted a.glb a.ply b.glb c.ply d.ply one.ply
+
+mkdir from
+expect 0 "" "${bake[@]}" -o from/a.glb --iterations 20 --init converted/a.ply
+expect 0 "" "${bake[@]}" -o from/b.glb --iterations 20 --init $asset --model sss
+only from a.glb b.glb
+expect 2 "truncated" "${bake[@]}" -o from/c.glb --iterations 20 --init cut.ply
+expect 2 "nosuch.ply" "${bake[@]}" -o from/c.glb --iterations 20 --init nosuch.ply
+expect 2 "neither a .ply" "${bake[@]}" -o from/c.glb --iterations 20 --init "$0"
 
 mkdir frames
 expect 0 "" "$nacre" render $asset -o frames/a.png --camera "$sample:test:0" --frames 3

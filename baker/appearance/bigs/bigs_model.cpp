@@ -65,6 +65,7 @@ constexpr float kShareRate = 0.032f;
 constexpr float kInitialSharpness = 15, kInitialRho = 0.3f, kInitialLobeColor = 0.05f;
 // A darker object starts darker: else its splats fade before their colour has become dark, and do not come back.
 constexpr float kUsualBrightness = 0.4f, kLeastStart = 0.02f;
+constexpr float kLeastTint = 0.1f, kMostTint = 3; // of a splat's start, by what it looks like
 constexpr float kInitialForwardSharpness = 4, kMinLogForward = -1, kMaxLogForward = 5; // g of Henyey and Greenstein 0.16 up to 0.89
 constexpr float kMinLogSharpness = 0.7f, kMaxLogSharpness = 7.0f; // GGX roughness (square root of alpha) 0.76 down to 0.17
 constexpr float kPositiveWeight = 0.01f, kEnergyWeight = 0.01f;
@@ -98,6 +99,11 @@ public:
             at(i, kForward) = std::log(kInitialForwardSharpness);
             at(i, kShadow) = 1.0f;
         }
+    }
+
+    void tint(size_t splat, const glm::vec3& factor) override
+    {
+        for (int c = 0; c < 3; ++c) at(splat, kRho + c) *= std::clamp(factor[c], kLeastTint, kMostTint);
     }
 
     // Splats come to lie elsewhere only here: permute follows every copy.

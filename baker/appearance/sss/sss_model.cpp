@@ -96,6 +96,14 @@ public:
         momentum_.resize(count), second_.resize(count);
         if (!visibility_.empty()) visibility_.resize(count * kVisibilityTexels, 255);
     }
+    void tint(size_t splat, const glm::vec3& factor) override
+    {
+        for (int k = 0; k < 3; ++k) {
+            float& raw = row_[splat][size_t(kBase + k)];
+            const float base = std::clamp(factor[k] / (1 + std::exp(-raw)), kDarkestStart, kBrightestStart);
+            raw = std::log(base / (1 - base));
+        }
+    }
     void copySplat(size_t from, size_t to) override
     {
         row_[to] = row_[from], momentum_[to] = second_[to] = Row{};
