@@ -80,7 +80,7 @@ static Result<PlainSplats> readPlain(const ConvertArguments& args, std::span<con
 static glm::dquat yUpFromPly(const std::string& axes, const glm::dquat& yUpFromOwn)
 {
     if (axes == "own") return yUpFromOwn;
-    return axes == "y-up" ? glm::dquat(1, 0, 0, 0) : glm::dquat(0, 1, 0, 0); // y-down: half a turn about X
+    return axes == "y-up" ? glm::dquat(1, 0, 0, 0) : glm::dquat(0, 0, 0, 1); // y-down: half a turn about Z, as PlayCanvas does
 }
 
 static Status runConvert(const ConvertArguments& args)
@@ -134,7 +134,7 @@ Action addConvert(CLI::App& app)
         ->check(CLI::IsMember({"srgb", "linear"}));
     sub->add_option("--axes", args->axes,
                     "How the .ply lies. own: as the splats are, which of an asset is in axes and units of its dataset (nacre bake --init takes\n"
-                    "it back), of a .glb +Y up; y-up; y-down: as most viewers of .ply expect. A .glb is +Y up by its node's rotation")
+                    "it back), of a .glb +Y up; y-up; y-down, by half a turn about Z: as viewers of .ply expect. A .glb is +Y up by its node's rotation")
         ->check(CLI::IsMember({"own", "y-up", "y-down"}))->capture_default_str();
     sub->footer("A snapshot holds per splat what the lights make of it, as spherical harmonics of degree 3: shadows stay, highlights get soft.");
     args->threads.addTo(*sub);
