@@ -1,7 +1,6 @@
 // nacre convert: assets and splats in the formats of others.
 #include "cli.h"
 
-#include "asset/asset_io.h"
 #include "base/file.h"
 #include "base/glb_container.h"
 #include "eval/evaluate.h"
@@ -33,17 +32,18 @@ static bool holdsAsset(std::span<const std::byte> bytes)
     return json.find("\"NACRE_gaussian_splatting_relight\"") != json.npos;
 }
 
-static Result<PlainSplats> snapshotOf(const ConvertArguments& args, std::span<const std::byte> bytes, bool toPly)
+static Result<PlainSplats> snapshotOf(const ConvertArguments& args, bool toPly)
 {
     if (args.lights.empty())
         return Error{ErrorCode::kBadInput, "'" + args.input + "' is a relightable asset: give the lights under which to take the snapshot (--light, see --help)"};
-    const auto asset = decodeAsset(bytes);
-    if (!asset) return Error{asset.error().code, "'" + args.input + "': " + asset.error().message};
+    const auto file = openAsset(args.input);
+    if (!file) return file.error();
+    const SplatAsset& asset = file->asset;
     std::vector<Light> lights;
     for (const std::string& text : args.lights) {
         auto light = parseLight(text);
         if (!light) return light.error();
-        if (light->type == LightType::kEnvironment) light->directionToLight = findSubject(*asset).up;
+        if (light->type == LightType::kEnvironment) light->directionToLight = findSubject(asset).up;
         const auto expanded = rendererLights(*light);
         if (!expanded) return expanded.error();
         lights.insert(lights.end(), expanded->begin(), expanded->end());
@@ -54,10 +54,10 @@ static Result<PlainSplats> snapshotOf(const ConvertArguments& args, std::span<co
         progress.show(format("convert %.0f %%", 100 * done));
         return !stop.load();
     };
-    auto splats = litSnapshot(*asset, lights, {args.colorSpace != "linear", args.exposure}, goOn);
+    auto splats = litSnapshot(asset, lights, {args.colorSpace != "linear", args.exposure}, goOn);
     progress.clear();
     if (!splats) return splats.error().code == ErrorCode::kCancelled ? stoppedBySignal("nothing was written") : splats.error();
-    if (toPly) placeInDataset(asset->frame, splats->cloud);
+    if (toPly) placeInDataset(asset.frame, splats->cloud);
     return splats;
 }
 
@@ -99,7 +99,7 @@ static Status runConvert(const ConvertArguments& args)
     const bool asset = looksLikeGlb(*bytes) && holdsAsset(*bytes), fromPly = looksLikePly(*bytes);
     if (args.axes != "own" && !toPly && !fromPly) return Error{ErrorCode::kBadInput, "--axes: says how a .ply lies, and there is none here"};
     if (args.axes != "own" && toPly && fromPly) return Error{ErrorCode::kBadInput, "--axes: from .ply to .ply nothing is turned; leave it out"};
-    auto splats = asset ? snapshotOf(args, *bytes, toPly) : readPlain(args, *bytes);
+    auto splats = asset ? snapshotOf(args, toPly) : readPlain(args, *bytes);
     if (!splats) return splats.error();
     if (!args.colorSpace.empty()) changeColorSpace(args.colorSpace == "srgb", *splats);
     else if (toPly && !splats->srgb) changeColorSpace(true, *splats); // as viewers of .ply take it

@@ -92,7 +92,9 @@ Result<InitialSplats> placedFor(const AssetFrame& frame, const glm::vec3& center
     for (uint32_t i : order) {
         const glm::vec3 p(frame.positionInAsset(splats.frame.positionInDataset(glm::dvec3(splats.cloud.positions[i])))), s = scale * splats.cloud.scales[i];
         if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z), s.x, s.y, s.z}) <= kLargestNumber)) continue;
-        const glm::vec3 d = glm::abs(p - center), c = splats.colors[i];
+        // Half of the contrast, since a look holds shading too. (A white object, bigs, 60 steps, masked test, from its own asset and .ply: full
+        // contrast 16.80 and 16.25 dB, half 16.74 and 16.46, none 16.65 and 16.65; from the hull 15.82.)
+        const glm::vec3 d = glm::abs(p - center), c = glm::sqrt(splats.colors[i]);
         near += std::max({d.x, d.y, d.z}) <= float(kNear) * size;
         out.cloud.positions.push_back(p), out.cloud.scales.push_back(s), out.cloud.rotations.push_back(splats.cloud.rotations[i]);
         out.cloud.opacities.push_back(splats.cloud.opacities[i]), out.colors.push_back(c);
