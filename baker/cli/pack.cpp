@@ -44,19 +44,26 @@ static Json figures(const PackArguments& args, const PackResult& packed)
             {"channels", channels},          {"curve", curve}};
 }
 
-/// Profiles that round nothing. Interop: an asset without a look for other viewers gets one, under lights from everywhere.
+/// Codes stay codes. An asset without a look for other viewers gets one, under lights from everywhere.
+static Result<std::vector<std::byte>> interopOf(const AssetFile& in)
+{
+    Result<SplatAsset> asset = decodeAsset(in.bytes);
+    if (!asset) return asset.error();
+    if (asset->neutral.shFunctions == 0) {
+        auto look = fitNeutralLook(in.asset, neutralLights(in.asset));
+        if (!look) return look.error();
+        asset->neutral = std::move(*look);
+    }
+    return encodeInterop(*asset);
+}
+
+/// Profiles that round nothing.
 static Status writeUnpacked(const PackArguments& args, const AssetFile& in)
 {
-    SplatAsset asset = in.asset;
-    if (args.profile == "interop" && asset.neutral.shFunctions == 0) {
-        auto look = fitNeutralLook(asset, neutralLights(asset));
-        if (!look) return look.error();
-        asset.neutral = std::move(*look);
-    }
-    const auto file = args.profile == "interop" ? encodeInterop(asset) : encodeAsset(asset);
+    const auto file = args.profile == "interop" ? interopOf(in) : encodeAsset(in.asset);
     if (!file) return file.error();
     if (Status s = writeFileAtomically(args.out, *file); !s) return s;
-    const size_t splats = asset.cloud.count;
+    const size_t splats = in.asset.cloud.count;
     std::printf("%s\n", sizeText(args, in, splats, file->size()).c_str());
     if (args.json.empty()) return ok();
     return writeJson({{"profile", args.profile}, {"splats", splats}, {"asset_bytes", file->size()}, {"bytes_per_splat", double(file->size()) / double(splats)}}, args.json);

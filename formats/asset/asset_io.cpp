@@ -30,15 +30,20 @@ Result<std::vector<std::byte>> encodeInterop(const SplatAsset& asset)
     if (asset.neutral.shFunctions == 0) return Error{ErrorCode::kBadInput, "the asset has no neutral look, which other viewers show; fit one first"};
     SplatAsset out = asset;
     out.neutral = toSrgb(asset.neutral);
-    if (const Channel* maps = out.find("visibility")) {
-        out.drawnVisibility = visibilitySize(maps->components);
-        std::erase_if(out.channels, [](const Channel& c) { return c.name == "visibility"; });
-    }
-    for (const CodedChannels& coded : out.coded)
-        if (coded.values.size() != out.cloud.count * coded.codes) { // rows of some splats only: codes of none would stand for the offset
+    const std::vector<std::string> maps{"visibility"};
+    for (const CodedChannels& coded : out.coded) {
+        const bool some = coded.values.size() != out.cloud.count * coded.codes; // rows of some splats only: codes of none would stand for the offset
+        const bool mixed = coded.channels != maps && std::ranges::count(coded.channels, maps[0]) > 0;
+        if (some || mixed || coded.codes > 4 * coded.numbers) { // the last: floats would be smaller
             expandChannels(out);
             break;
         }
+    }
+    if (const Channel* channel = out.find(maps[0].c_str())) {
+        out.drawnVisibility = visibilitySize(channel->components);
+        std::erase_if(out.channels, [&](const Channel& c) { return c.name == maps[0]; });
+        std::erase_if(out.coded, [&](const CodedChannels& c) { return c.channels == maps; });
+    }
     for (Channel& channel : out.channels) {
         if (!channel.bytes.empty()) return Error{ErrorCode::kUnsupported, "profile interop cannot store the channel '" + channel.name + "' of bytes"};
         if (channel.leading > 0) channel.leading = 0, channel.values.resize(out.cloud.count * channel.components);

@@ -33,7 +33,6 @@ constexpr const char* kScale = "KHR_gaussian_splatting:SCALE";
 constexpr const char* kOpacity = "KHR_gaussian_splatting:OPACITY";
 
 constexpr int kFloat = 5126, kUnorm8 = 5121; // componentType
-constexpr size_t kMaxVertexStride = 252; // glTF 2.0, bufferView.byteStride
 
 /// Attribute of SH function i = l*l + l + m.
 inline std::string shAttribute(int i)

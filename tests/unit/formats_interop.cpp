@@ -117,6 +117,55 @@ TEST_CASE("interop: reordered, cropped, deinterleaved and renumbered files keep 
     }
 }
 
+TEST_CASE("interop: a tool may interleave all attributes, however far apart rows come to be")
+{
+    const SplatAsset asset = test::makeAsset(40, 4, 16, true);
+    GlbParts parts(*encodeInterop(asset));
+    size_t stride = 0;
+    for (nlohmann::json& accessor : parts.json["accessors"]) {
+        const std::string type = accessor["type"];
+        stride += (type == "SCALAR" ? 1 : size_t(type[3] - '0')) * (accessor["componentType"] == 5126 ? 4 : 1);
+    }
+    REQUIRE(stride > 252);
+    std::vector<std::byte> bin(40 * stride);
+    size_t offset = 0;
+    for (nlohmann::json& accessor : parts.json["accessors"]) {
+        const nlohmann::json& view = parts.json["bufferViews"][accessor["bufferView"].get<size_t>()];
+        const std::string type = accessor["type"];
+        const size_t row = (type == "SCALAR" ? 1 : size_t(type[3] - '0')) * (accessor["componentType"] == 5126 ? 4 : 1);
+        const size_t start = view.value("byteOffset", size_t(0)) + accessor.value("byteOffset", size_t(0)), apart = view.value("byteStride", row);
+        for (size_t i = 0; i < 40; ++i) std::copy_n(parts.bin.begin() + ptrdiff_t(start + i * apart), row, bin.begin() + ptrdiff_t(i * stride + offset));
+        accessor["bufferView"] = 0, accessor["byteOffset"] = offset;
+        offset += row;
+    }
+    parts.json["bufferViews"] = {{{"buffer", 0}, {"byteLength", bin.size()}, {"byteStride", stride}}};
+    parts.json["buffers"][0]["byteLength"] = bin.size();
+    const auto read = decodeAsset(GlbParts::assemble(parts.json.dump(), bin));
+    REQUIRE(bool(read));
+    CHECK(read->find("tInd")->values == asset.find("tInd")->values);
+}
+
+TEST_CASE("interop: more codes than numbers, and maps that are codes, which are left out")
+{
+    SplatAsset asset = coded(40);
+    asset.coded[0].codes = 194;
+    asset.coded[0].basis.assign(194 * 100, 0.125f);
+    asset.coded[0].values.assign(194 * 40, int8_t(-7));
+    auto maps = std::ranges::find(asset.channels, "visibility", &Channel::name);
+    REQUIRE(maps != asset.channels.end());
+    maps->values.clear(), maps->bytes.clear();
+    const uint32_t texels = maps->components;
+    asset.coded.push_back({{"visibility"}, texels, 1, std::vector<float>(texels, 0.5f), std::vector<float>(texels, 0.001f), std::vector<int8_t>(40, 1)});
+    const auto file = encodeInterop(asset);
+    REQUIRE(bool(file));
+    auto read = decodeAsset(*file);
+    REQUIRE(bool(read));
+    CHECK(read->drawnVisibility * read->drawnVisibility == int(texels));
+    CHECK(read->coded.size() == 1);
+    expandChannels(*read), expandChannels(asset);
+    CHECK(read->find("tInd")->values == asset.find("tInd")->values);
+}
+
 TEST_CASE("interop: moved splats, splats of another asset and lost data are noticed")
 {
     const std::vector<std::byte> file = *encodeInterop(test::makeAsset(40, 4, 16, true));
