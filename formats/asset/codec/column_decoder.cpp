@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <memory>
 
 namespace nacre::codec {
 
@@ -40,9 +39,13 @@ struct Bytes {
     }
 };
 
-/// One context's symbols by the low bits of the state.
+/// One context's symbols by the low bits of the state. Small, so that all of them lie in the nearest cache.
 struct Table {
-    std::array<uint32_t, kProbabilityOne> slots; // the token, its frequency - 1 from bit 8 and the slot's place within it from bit 20
+    struct Symbol {
+        uint16_t frequency, start;
+    };
+    std::array<uint8_t, kProbabilityOne> slots; // the token
+    std::array<Symbol, kTokens> symbols;
 
     bool read(Bytes& bytes)
     {
@@ -55,7 +58,8 @@ struct Table {
                 token += bytes.byte();
                 continue;
             }
-            for (uint32_t k = 0; k < frequency; ++k) slots[next + k] = token | (frequency - 1) << 8 | k << 20;
+            std::memset(&slots[next], int(token), frequency);
+            symbols[token] = {uint16_t(frequency), uint16_t(next)};
             next += frequency;
         }
         return bytes.good;
@@ -86,12 +90,16 @@ struct Streams {
     size_t wordCount, word = 0;
     BitReader extra;
 
-    uint32_t nextWord()
+    /// Takes a word where the state has become small. Without a branch, which would be mispredicted; past the end come zeros.
+    void refill(uint32_t& state)
     {
-        if (word >= wordCount) return ++word, 0;
+        static constexpr std::byte kNone[2] = {};
         uint16_t w;
-        std::memcpy(&w, words + 2 * word++, 2);
-        return w;
+        std::memcpy(&w, word < wordCount ? words + 2 * word : kNone, 2);
+        const bool small = state < kLowestState;
+        const uint32_t shift = 16 * uint32_t(small);
+        state = state << shift | (w & (0u - uint32_t(small)));
+        word += small;
     }
 };
 
@@ -105,11 +113,12 @@ struct Run {
 inline void decodeRow(Run& run, const Table* tables, int flags, Streams& streams, std::span<int32_t> column, std::span<const int32_t> left)
 {
     const uint32_t leftSize = flags & kSeesLeft ? zigzag(left[run.row]) : 0;
-    const uint32_t slot = tables[contextOf(flags, run.above, leftSize)].slots[run.state & (kProbabilityOne - 1)];
-    run.state = ((slot >> 8 & (kProbabilityOne - 1)) + 1) * (run.state >> kProbabilityBits) + (slot >> 20);
-    if (run.state < kLowestState) run.state = run.state << 16 | streams.nextWord();
-    uint32_t coded = slot & 255;
-    if (coded >= 16) coded = firstOfToken(slot & 255) + streams.extra.take(extraBitsOf(slot & 255));
+    const Table& table = tables[contextOf(flags, run.above, leftSize)];
+    const uint32_t slot = run.state & (kProbabilityOne - 1), token = table.slots[slot];
+    const Table::Symbol symbol = table.symbols[token];
+    run.state = symbol.frequency * (run.state >> kProbabilityBits) + slot - symbol.start;
+    streams.refill(run.state);
+    const uint32_t coded = token < 16 ? token : firstOfToken(token) + streams.extra.take(extraBitsOf(token));
     run.above = coded;
     const int32_t v = unzigzag(coded);
     run.value = flags & kDifference ? int32_t(uint32_t(run.value) + uint32_t(v)) : v;
@@ -118,14 +127,22 @@ inline void decodeRow(Run& run, const Table* tables, int flags, Streams& streams
 
 } // namespace
 
+struct ColumnDecoder::Tables {
+    std::array<Table, kMostContexts> of;
+};
+
+// Not zeroed: a table that is read has all of its slots, and of symbols those that they name.
+ColumnDecoder::ColumnDecoder(std::span<const std::byte> bytes) : rest_(bytes), tables_(new Tables) {}
+ColumnDecoder::~ColumnDecoder() = default;
+
 bool ColumnDecoder::next(std::span<int32_t> column, std::span<const int32_t> left)
 {
     Bytes bytes{rest_};
     const int flags = bytes.byte();
     if ((flags & ~kAllFlags) != 0 || ((flags & kSeesLeft) && left.size() != column.size())) return false;
-    const auto tables = std::make_unique<Table[]>(size_t(contextsOf(flags)));
+    Table* const tables = tables_->of.data();
     for (int c = 0; c < contextsOf(flags); ++c)
-        if (!tables[size_t(c)].read(bytes)) return false;
+        if (!tables[c].read(bytes)) return false;
 
     const size_t runs = runsOf(column.size()), rows = (column.size() + runs - 1) / runs;
     std::array<Run, kRuns> run;
@@ -141,10 +158,13 @@ bool ColumnDecoder::next(std::span<int32_t> column, std::span<const int32_t> lef
     if (!bytes.good) return false;
     Streams streams{words.data(), words.size() / 2, 0, {extra}};
     const size_t shortest = column.size() - (runs - 1) * rows; // the last run
-    for (size_t i = 0; i < shortest; ++i)
-        for (size_t r = 0; r < runs; ++r) decodeRow(run[r], tables.get(), flags, streams, column, left);
+    if (runs == kRuns) // a count that the compiler knows: the states stay in registers
+        for (size_t i = 0; i < shortest; ++i)
+            for (size_t r = 0; r < kRuns; ++r) decodeRow(run[r], tables, flags, streams, column, left);
+    else
+        for (size_t i = 0; i < shortest; ++i) decodeRow(run[0], tables, flags, streams, column, left);
     for (size_t i = shortest; i < rows; ++i)
-        for (size_t r = 0; r + 1 < runs; ++r) decodeRow(run[r], tables.get(), flags, streams, column, left);
+        for (size_t r = 0; r + 1 < runs; ++r) decodeRow(run[r], tables, flags, streams, column, left);
     bool ended = streams.word == streams.wordCount && streams.extra.good && streams.extra.at == extra.size();
     for (size_t r = 0; r < runs; ++r) ended &= run[r].state == kLowestState;
     rest_ = bytes.rest;

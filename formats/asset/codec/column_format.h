@@ -36,8 +36,8 @@ constexpr Token tokenOf(uint32_t u)
 constexpr int extraBitsOf(uint32_t token) { return token < 16 ? 0 : int((token - 16) / 2) + 3; }
 constexpr uint32_t firstOfToken(uint32_t token) { return token < 16 ? token : (2 + ((token - 16) & 1)) << extraBitsOf(token); }
 
-/// How large a number is, in three classes.
-constexpr int sizeClass(uint32_t zigzagged) { return zigzagged == 0 ? 0 : zigzagged < 3 ? 1 : 2; }
+/// How large a number is, in three classes. Sums, because branches on it are mispredicted.
+constexpr int sizeClass(uint32_t zigzagged) { return int(zigzagged > 0) + int(zigzagged > 2); }
 
 /// How a column is coded: its first byte.
 enum ColumnFlags : uint8_t { kDifference = 1, kSeesAbove = 2, kSeesLeft = 4, kAllFlags = 7 };

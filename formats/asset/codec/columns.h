@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -24,17 +25,20 @@ size_t encodedBytes(std::span<const int32_t> column, std::span<const int32_t> le
 /// Flags, a table, a state and two counts.
 constexpr size_t kLeastColumnBytes = 9;
 
-/// Decodes columns one after the other. Any bytes are safe; memory beyond the caller's own is 144 KiB.
+/// Decodes columns one after the other. Any bytes are safe; memory beyond the caller's own is 40 KiB of tables, kept between columns.
 class ColumnDecoder {
 public:
-    explicit ColumnDecoder(std::span<const std::byte> bytes) : rest_(bytes) {}
+    explicit ColumnDecoder(std::span<const std::byte> bytes);
+    ~ColumnDecoder();
     /// False for damaged bytes; `column` then holds anything. `left` as in encodeColumn.
     bool next(std::span<int32_t> column, std::span<const int32_t> left);
     /// Bytes not read yet.
     size_t rest() const { return rest_.size(); }
 
 private:
+    struct Tables;
     std::span<const std::byte> rest_;
+    std::unique_ptr<Tables> tables_;
 };
 
 } // namespace nacre::codec
