@@ -8,12 +8,14 @@
 #include "pack/pack_curve.h"
 
 #include <cstdio>
+#include <filesystem>
 
 namespace nacre::cli {
 
 struct PackArguments {
     std::string in, out, profile = "compact", visibility = "drawn32", against, json, curve;
     double maxLoss = 0.3, bytesPerSplat = 0;
+    bool givenLoss = false, givenVisibility = false;
     ThreadsOption threads;
 };
 
@@ -69,13 +71,36 @@ static Status writeUnpacked(const PackArguments& args, const AssetFile& in)
     return writeJson({{"profile", args.profile}, {"splats", splats}, {"asset_bytes", file->size()}, {"bytes_per_splat", double(file->size()) / double(splats)}}, args.json);
 }
 
+/// Two files of one name would leave only the last; the input may be the output, which replaces it whole.
+static Status checkPaths(const PackArguments& args)
+{
+    const auto real = [](const std::string& path) {
+        std::error_code ignored;
+        return std::filesystem::weakly_canonical(path, ignored);
+    };
+    const std::string picture = args.curve.empty() ? "" : std::filesystem::path(args.curve).replace_extension(".svg").string();
+    std::vector<std::string> written;
+    for (const std::string& path : {args.out, args.json, args.curve, picture}) {
+        if (path.empty()) continue;
+        for (const std::string& other : written)
+            if (real(path) == real(other)) return Error{ErrorCode::kBadInput, "'" + path + "' would be written twice: give the asset, --json, and --curve with its .svg names of their own"};
+        if (path != args.out && real(path) == real(args.in)) return Error{ErrorCode::kBadInput, "'" + path + "' is the input; give the figures another name"};
+        if (Status s = checkWritable(path); !s) return s;
+        written.push_back(path);
+    }
+    return ok();
+}
+
 static Status runPack(const PackArguments& args)
 {
     const auto threads = limitThreads(args.threads.count);
-    for (const std::string& path : {args.out, args.json, args.curve})
-        if (Status s = checkWritable(path); !s) return s;
+    if (Status s = checkPaths(args); !s) return s;
+    const bool chooses = args.bytesPerSplat > 0 || !args.curve.empty() || !args.against.empty() || args.givenLoss || args.givenVisibility;
+    if (args.profile != "compact" && chooses)
+        return Error{ErrorCode::kBadInput, "--profile " + args.profile + " rounds nothing: leave out --max-loss-db, --bytes-per-splat, --visibility, --against and --curve"};
     const auto file = openAsset(args.in);
     if (!file) return file.error();
+    if (file->asset.profile == "compact") warn("'" + args.in + "' is packed already: what that lost is not counted");
     if (args.profile != "compact") return writeUnpacked(args, *file);
 
     PackOptions options;
@@ -113,13 +138,16 @@ Action addPack(CLI::App& app)
         ->check(CLI::IsMember({"compact", "lossless", "interop"}))->capture_default_str();
     auto* loss = sub->add_option("--max-loss-db", args->maxLoss, "Loss of PSNR that is allowed, for an asset 30 dB from the truth [dB]")->check(numberBetween(0.001, 20))->capture_default_str();
     sub->add_option("--bytes-per-splat", args->bytesPerSplat, "Size of the file to aim at instead [bytes per splat]")->check(numberBetween(4, 5000))->excludes(loss);
-    sub->add_option("--visibility", args->visibility, "drawn32, drawn16: none in the file, readers draw maps of so many texels a side from the splats; stored: codes, more bytes but quick to load")
+    auto* visibility = sub->add_option("--visibility", args->visibility, "drawn32, drawn16: none in the file, readers draw maps of so many texels a side from the splats; stored: codes, more bytes but quick to load")
         ->check(CLI::IsMember({"drawn32", "drawn16", "stored"}))->capture_default_str();
     sub->add_option("--against", args->against, "Dataset the asset was baked from: bits go where its train cameras and lights show them (default: views all around)");
     sub->add_option("--curve", args->curve, "Write bytes per splat and loss at other sizes, too: FILE.csv, and FILE.svg beside it");
     sub->add_option("--json", args->json, "Write the figures to this file");
     args->threads.addTo(*sub);
-    return [args] { return runPack(*args); };
+    return [args, loss, visibility] {
+        args->givenLoss = loss->count() > 0, args->givenVisibility = visibility->count() > 0;
+        return runPack(*args);
+    };
 }
 
 } // namespace nacre::cli

@@ -2,8 +2,10 @@
 
 #include "appearance/coded_channels.h"
 #include "appearance/model_table.h"
+#include "asset/asset_decode.h"
 #include "pack/pack_views.h"
 #include "pack/quantise.h"
+#include "splat/light_visibility.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +18,7 @@ namespace {
 
 constexpr size_t kViews = 12, kImportanceViews = 48;
 
+double errorOf(double lossDecibel) { return kTypicalError * (std::pow(10.0, lossDecibel / 10) - 1); }
 double lossOf(double error) { return 10 * std::log10(1 + error / kTypicalError); }
 
 SplatAsset withoutChannel(SplatAsset asset, const std::string& name)
@@ -98,10 +101,14 @@ private:
     Status measure()
     {
         errors_.clear();
+        SplatAsset unrounded = source_.asset;
+        unrounded.drawnVisibility = 0;
+        const Result<double> rest = reference_->error(unrounded); // of what is left out
+        if (!rest) return rest.error();
         for (size_t g = 0; g < steps_.size(); ++g) {
             const Result<double> error = reference_->error(onlyGroup(g, steps_[g]));
             if (!error) return error.error();
-            errors_.push_back(*error);
+            errors_.push_back(std::max(0.0, *error - *rest));
         }
         return ok();
     }
@@ -134,6 +141,11 @@ struct Bound {
     double excess(const Packer::Trial& t) const { return bytesPerSplat > 0 ? t.bytesPerSplat() / bytesPerSplat - 1 : std::log2(std::max(t.error, 1e-12) / error); }
     double slope() const { return bytesPerSplat > 0 ? -0.15 : 1; } // of the excess, about
     double slack() const { return bytesPerSplat > 0 ? 0.015 : 0.1; }
+    bool prefers(const Packer::Trial& a, const Packer::Trial& b) const
+    {
+        if (excess(a) > 0 || excess(b) > 0) return excess(a) < excess(b);
+        return bytesPerSplat > 0 ? a.error < b.error : a.file.size() < b.file.size();
+    }
 };
 
 Result<Packer::Trial> search(const Packer& packer, const Bound& bound, const std::function<void(const std::string&)>& say)
@@ -218,33 +230,41 @@ Result<PackResult> packCompact(const SplatAsset& asset, const PackOptions& optio
     if (!reference) return reference.error();
     const std::vector<float> importance = splatImportance(asset, many);
 
-    const Bound bound = options.bytesPerSplat > 0 ? Bound{0, options.bytesPerSplat} : Bound{kTypicalError * (std::pow(10.0, options.maxLossDecibel / 10) - 1), 0};
-    PackResult result;
-    SplatAsset input = asset;
-    std::optional<Packer> packer;
-    std::optional<Packer::Trial> best;
-    for (bool leavesOut = true; leavesOut;) {
+    const Bound bound = options.bytesPerSplat > 0 ? Bound{0, options.bytesPerSplat} : Bound{errorOf(options.maxLossDecibel), 0};
+    const auto packed = [&](const SplatAsset& input, std::optional<Packer>& packer) -> Result<Packer::Trial> {
         say("measuring what rounding shows");
         packer.emplace(prepareForQuantising(input, importance, options.drawnVisibility), *reference);
         if (Status s = packer->calibrate(); !s) return s.error();
-        Result<Packer::Trial> found = search(*packer, bound, say);
-        if (!found) return found.error();
-        best = std::move(*found);
-        say("measuring what each part is worth");
-        Result<std::vector<PackedPart>> parts = partsOf(*packer, *best);
-        if (!parts) return parts.error();
-        result.parts = std::move(*parts);
-        // A part whose bytes would do more good elsewhere goes; one at a time, as they stand in for each other.
-        leavesOut = false;
-        for (const PackedPart& part : result.parts) {
-            if (part.lossWithout < 0 || part.bytes == 0) continue;
-            const double bits = 8 * double(part.bytes) / double(packer->source().asset.cloud.count);
-            if (kTypicalError * (std::pow(10.0, part.lossWithout / 10) - 1) >= bits * errorPerBit(*best)) continue;
-            input = withoutChannel(std::move(input), part.name);
-            result.leftOut.push_back(part.name), leavesOut = true;
-            break;
-        }
+        return search(*packer, bound, say);
+    };
+    PackResult result;
+    SplatAsset input = asset;
+    std::optional<Packer> packer;
+    Result<Packer::Trial> best = packed(input, packer);
+    if (!best) return best.error();
+    say("measuring what each part is worth");
+    Result<std::vector<PackedPart>> parts = partsOf(*packer, *best);
+    // A part whose bytes would do more good elsewhere goes; one at a time, as they stand in for each other, and only if it does turn out better.
+    for (size_t p = 0; parts && p < parts->size(); ++p) {
+        const PackedPart part = (*parts)[p];
+        if (part.lossWithout < 0 || part.bytes == 0) continue;
+        const double bits = 8 * double(part.bytes) / double(packer->source().asset.cloud.count);
+        if (errorOf(part.lossWithout) >= std::min(bits * errorPerBit(*best), 0.25 * best->error)) continue;
+        const SplatAsset fewer = withoutChannel(input, part.name);
+        std::optional<Packer> other;
+        Result<Packer::Trial> trial = packed(fewer, other);
+        if (!trial) return trial.error();
+        if (!bound.prefers(*trial, *best)) continue;
+        input = fewer, packer = std::move(other), best = std::move(trial);
+        result.leftOut.push_back(part.name);
+        parts = partsOf(*packer, *best);
+        p = size_t(-1);
     }
+    if (!parts) return parts.error();
+    result.parts = std::move(*parts);
+    size_t inParts = 0;
+    for (const PackedPart& part : result.parts) inParts += part.bytes;
+    result.parts.push_back({"names and structure", best->file.size() - inParts});
     result.curve.push_back({best->bytesPerSplat(), lossOf(best->error)});
     if (options.curve)
         for (const double x : {-9.0, -6.0, -4.0, -2.0, 2.0, 4.0, 6.0, 9.0}) {
@@ -254,7 +274,15 @@ Result<PackResult> packCompact(const SplatAsset& asset, const PackOptions& optio
             result.curve.push_back({other->bytesPerSplat(), lossOf(other->error)});
         }
     std::sort(result.curve.begin(), result.curve.end(), [](const PackPoint& a, const PackPoint& b) { return a.bytesPerSplat < b.bytesPerSplat; });
-    if (bound.excess(*best) > 0)
+    // What a reader gets, with the maps that it draws.
+    Result<SplatAsset> read = decodeAsset(best->file);
+    if (!read) return read.error();
+    expandChannels(*read), drawVisibilityInParallel(*read);
+    const Result<double> error = reference->error(*read);
+    if (!error) return error.error();
+    best->error = *error;
+    const double tolerance = options.bytesPerSplat > 0 ? 0 : 0.2; // log2: maps drawn from rounded splats were not in the search
+    if (bound.excess(*best) > tolerance)
         result.warnings.push_back(options.bytesPerSplat > 0 ? "the file has " + std::to_string(best->bytesPerSplat()) + " bytes a splat: it cannot be made smaller"
                                                             : "the loss is " + std::to_string(lossOf(best->error)) + " dB: it does not get smaller with more bytes");
     result.splats = packer->source().asset.cloud.count, result.pruned = asset.cloud.count - result.splats;

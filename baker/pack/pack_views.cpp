@@ -92,7 +92,7 @@ Result<std::vector<PackView>> viewsAround(const SplatAsset& asset, size_t count)
         for (size_t p = 0; p < image->rgba.size(); p += 4)
             if (image->rgba[p + 3] > 0.5f) luminances.push_back(std::max({image->rgba[p], image->rgba[p + 1], image->rgba[p + 2]}));
     }
-    if (luminances.empty()) return Error{ErrorCode::kBadInput, "nothing of the asset shows: all its splats are too small or too faint to be compared"};
+    if (luminances.empty()) return Error{ErrorCode::kBadInput, "nothing of the asset shows: all its splats are too small or too faint to be compared; --against a dataset shows it from nearer"};
     const auto bright = luminances.begin() + ptrdiff_t(0.95 * double(luminances.size() - 1));
     std::nth_element(luminances.begin(), bright, luminances.end());
     if (*bright > 0)

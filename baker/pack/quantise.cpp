@@ -223,8 +223,8 @@ Block basisBlock(const QuantSource& source, const std::vector<const QuantGroup*>
     }
     const size_t rows = numbers[0].size(), n = numbers.size();
     const std::span<const float> weights = std::span<const float>(source.importance).first(rows);
-    constexpr size_t kMostAxes = 100;
-    const PrincipalAxes axes = principalAxes(numbers, weights, std::min(n, kMostAxes));
+    const size_t mostAxes = n > 256 ? 32 : 100; // more of many numbers take minutes to find
+    const PrincipalAxes axes = principalAxes(numbers, weights, std::min(n, mostAxes));
     block.numbers = uint32_t(n);
     for (size_t d = 0; d < n; ++d) block.offset.push_back(axes.mean[d] * block.scale[d]);
 

@@ -379,6 +379,11 @@ grep -qa '"profile":"interop"' one/interop.glb || fail "bake --profile interop w
 expect 2 "--max-loss-db" "$nacre" pack $asset -o a.glb --max-loss-db nan
 expect 2 "excludes" "$nacre" pack $asset -o a.glb --max-loss-db 1 --bytes-per-splat 30
 expect 2 "no folder" "$nacre" pack $asset -o nosuch/a.glb
+expect 2 "is the input" "$nacre" pack $asset -o a.glb --curve $asset
+expect 2 "written twice" "$nacre" pack $asset -o a.csv --curve a.csv
+expect 2 "rounds nothing" "$nacre" pack $asset -o a.glb --profile lossless --bytes-per-splat 20
+expect 0 "" "$nacre" pack $asset -o one/coarse.glb --max-loss-db 15
+[ $(stat -c %s one/coarse.glb) -lt $(stat -c %s one/small.glb) ] || fail "a larger loss gives a larger file"
 expect 2 "cut.glb" "$nacre" pack cut.glb -o a.glb
 size=$(stat -c %s one/small.glb)
 for bytes in 4 100 1000 $((size / 2)) $((size - 1)); do
