@@ -1,7 +1,5 @@
 #include "pack/quantise.h"
 
-#include "appearance/bigs/bigs.h"
-#include "appearance/model_table.h"
 #include "base/octahedral.h"
 #include "pack/leading_rows.h"
 #include "pack/principal_axes.h"
