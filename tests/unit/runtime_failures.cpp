@@ -2,11 +2,11 @@
 // left behind, and the next try works.
 #include "runtime_fixture.h"
 
+#include "own_heap.h"
+
 #define GL_GLEXT_PROTOTYPES
 #include <GL/glcorearb.h>
 
-#include <cstdlib>
-#include <new>
 #include <utility>
 
 using namespace nacre;
@@ -16,22 +16,6 @@ static Camera front() { return lookAt({0, 0, 2}, {0, 0, 0}, 33, 33, 40); }
 static const std::vector<Light> kLamp = {pointLight({1, 1, 2}, glm::vec3(3))};
 
 // ---- a full heap --------------------------------------------------------------------------------------------------------------
-
-static thread_local size_t largestAllocation = ~size_t(0); // larger ones fail
-
-[[gnu::noinline]] void* operator new(size_t size) // inlined, new and delete would look mismatched to the compiler
-{
-    void* p = size <= largestAllocation ? std::malloc(std::max(size, size_t(1))) : nullptr;
-    if (!p) throw std::bad_alloc();
-    return p;
-}
-// ASan brings its own of this one, which the delete below would not match.
-[[gnu::noinline]] void* operator new(size_t size, const std::nothrow_t&) noexcept
-{
-    return size <= largestAllocation ? std::malloc(std::max(size, size_t(1))) : nullptr;
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, size_t) noexcept { std::free(p); }
 
 TEST_CASE("a heap too small for the asset gives OUT_OF_MEMORY and no asset")
 {
