@@ -6,6 +6,9 @@
 
 namespace nacre {
 
+/// Alpha of a pixel of which nothing is known (saturated, outside of what the lens saw): its colour is 0, and it must count nowhere.
+constexpr float kUnknownAlpha = -1.0f;
+
 struct Image {
     int width = 0, height = 0;
     std::vector<float> rgba; // width*height*4; linear Rec.709 radiance premultiplied by alpha (composited over black), alpha = coverage

@@ -12,12 +12,15 @@
 
 #include "base/color.h"
 #include "base/text.h"
+#include "dataset/develop.h"
 #include "interchange/exr.h"
 #include "interchange/png.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <limits>
 #include <list>
 #include <map>
 #include <mutex>
@@ -30,6 +33,7 @@ namespace {
 constexpr float kAlphaSlack = 1e-3f; // half-float and lossy compression round; within this alpha is clamped to [0, 1]
 // Filters with negative lobes overshoot at a step by up to 9 % (Lanczos) or 7 % (bicubic) a direction, so 19 % in corners.
 constexpr float kAlphaOvershoot = 0.2f;
+constexpr float kShownWhite = 0.9999f;
 
 bool isExr(const std::string& path)
 {
@@ -37,10 +41,12 @@ bool isExr(const std::string& path)
     return n >= 4 && path[n - 4] == '.' && (path[n - 3] | 32) == 'e' && (path[n - 2] | 32) == 'x' && (path[n - 1] | 32) == 'r';
 }
 
-/// How the colours of one file are stored.
+/// How the colours of one file are stored, and what they are in the unit of the lights.
 struct Encoding {
     ColorSpace colorSpace;
     bool premultiplied;
+    float blackLevel, whiteLevel; // file values
+    glm::vec3 gain;
 };
 
 using Note = std::function<void(const std::string& kind, const std::string& path)>;
@@ -92,10 +98,16 @@ Status convert(Image& image, Encoding encoding, const std::string& path, const N
         }
         clamped = clamped || p[3] < -kAlphaSlack || p[3] > 1.0f + kAlphaSlack;
         p[3] = std::fmin(std::fmax(p[3], 0.0f), 1.0f);
+        bool unknown = false;
         for (int c = 0; c < 3; c++) {
-            if (encoding.colorSpace == ColorSpace::kSrgb) p[c] = table[size_t(std::lround(p[c] * 65535.0f))]; // PNG values are in [0, 1]
+            const bool saturated = p[c] >= encoding.whiteLevel;
+            if (encoding.blackLevel > 0) p[c] = (p[c] - encoding.blackLevel) / (1.0f - encoding.blackLevel);
+            if (encoding.colorSpace == ColorSpace::kSrgb) p[c] = table[size_t(std::lround(std::clamp(p[c], 0.0f, 1.0f) * 65535.0f))];
+            p[c] *= encoding.gain[c];
+            unknown = unknown || (saturated && p[c] < kShownWhite); // above that, losses and metrics know it to be white at least
             if (!encoding.premultiplied) p[c] *= p[3];
         }
+        if (unknown) p[0] = p[1] = p[2] = 0, p[3] = kUnknownAlpha;
     }
     if (clamped) note("have alpha a little outside 0 to 1, which is clamped: a resizing filter with negative lobes (Lanczos, bicubic) does that; resize "
                       "with a box or area filter", path);
@@ -108,9 +120,22 @@ Image shrunk(const Image& image, int by)
     out.rgba.resize(size_t(4) * out.width * out.height);
     const float weight = 1.0f / float(by * by);
     for (int y = 0; y < out.height * by; ++y)
-        for (int x = 0; x < out.width * by; ++x)
-            for (int c = 0; c < 4; ++c) out.pixel(x / by, y / by)[c] += weight * image.pixel(x, y)[c];
+        for (int x = 0; x < out.width * by; ++x) {
+            float* to = out.pixel(x / by, y / by);
+            if (to[3] < 0) continue;
+            const float* from = image.pixel(x, y);
+            if (from[3] < 0) to[0] = to[1] = to[2] = 0, to[3] = kUnknownAlpha;
+            else for (int c = 0; c < 4; ++c) to[c] += weight * from[c];
+        }
     return out;
+}
+
+/// `camera` of images that are `by` times as large.
+Camera enlarged(Camera camera, int by)
+{
+    camera.width *= by, camera.height *= by;
+    for (double* length : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *length *= by;
+    return camera;
 }
 
 } // namespace
@@ -133,6 +158,7 @@ struct ImageCache::State {
     };
     ColorSpace colorSpace;
     bool colorSpaceIsGuess, premultiplied, straightPng;
+    float blackLevel, whiteLevel;
     int shrink;
     size_t budgetBytes;
 
@@ -140,23 +166,73 @@ struct ImageCache::State {
     std::list<Entry> recent;  // most recently used first
     std::unordered_map<std::string, std::list<Entry>::iterator> entryOfPath;
     size_t residentBytes = 0;
+    std::list<Entry> extras;  // masks and images without light, which many images share: the last few
     std::map<std::string, std::set<std::string>> noted; // the files of each kind of note; a file may be decoded more than once
 
-    Result<Image> decode(const std::string& path)
+    /// The pixels of a file, linear and premultiplied.
+    Result<Image> readFile(const std::string& path, const glm::vec3& gain, bool isMask = false)
     {
         const Note note = [&](const std::string& kind, const std::string& file) {
             const std::lock_guard lock(mutex);
             noted[kind].insert(file);
         };
         PngColor color;
-        Result<Image> decoded = isExr(path) ? readExr(path) : readPng(path, &color);
-        if (!decoded) return decoded;
-        const Encoding encoding = isExr(path) ? Encoding{ColorSpace::kLinear, premultiplied}
-                                              : Encoding{colorSpaceOf(color, colorSpace, colorSpaceIsGuess, path, note), premultiplied && !straightPng};
-        if (Status s = convert(*decoded, encoding, path, note); !s) return s.error();
-        if (shrink > 1) *decoded = shrunk(*decoded, shrink);
-        decoded->rgba.shrink_to_fit(); // the decoder grows it row by row
-        return decoded;
+        Result<Image> image = isExr(path) ? readExr(path) : readPng(path, &color);
+        if (!image || isMask) return image;
+        Encoding encoding{ColorSpace::kLinear, premultiplied, blackLevel, whiteLevel > 0 ? whiteLevel : isExr(path) ? std::numeric_limits<float>::infinity() : 1.0f, gain};
+        if (!isExr(path))
+            encoding.colorSpace = colorSpaceOf(color, colorSpace, colorSpaceIsGuess, path, note), encoding.premultiplied = premultiplied && !straightPng;
+        if (Status s = convert(*image, encoding, path, note); !s) return s.error();
+        return image;
+    }
+
+    /// A mask or an image without light, of the size of `image`.
+    Result<std::shared_ptr<const Image>> readExtra(const std::string& path, const glm::vec3& gain, bool isMask, const Image& image)
+    {
+        constexpr size_t kKept = 4;
+        std::shared_ptr<const Image> extra;
+        {
+            const std::lock_guard lock(mutex);
+            for (const Entry& e : extras)
+                if (e.path == path) extra = e.image;
+        }
+        if (!extra) {
+            Result<Image> read = readFile(path, gain, isMask);
+            if (!read) return read.error();
+            extra = std::make_shared<const Image>(std::move(*read));
+            const std::lock_guard lock(mutex);
+            extras.push_front({path, extra});
+            if (extras.size() > kKept) extras.pop_back();
+        }
+        if (extra->width != image.width || extra->height != image.height)
+            return Error{ErrorCode::kBadInput, path + ": " + std::to_string(extra->width) + " x " + std::to_string(extra->height) + " pixels, expected " +
+                                                   std::to_string(image.width) + " x " + std::to_string(image.height) + " like the image it belongs to"};
+        return extra;
+    }
+
+    Result<Image> decode(const OlatImage& entry, const Camera& camera, const FileCamera* file)
+    {
+        Result<Image> image = readFile(entry.path, entry.gain);
+        if (!image) return image;
+        if (!entry.ambientPath.empty()) {
+            const auto ambient = readExtra(entry.ambientPath, entry.gain, false, *image);
+            if (!ambient) return ambient.error();
+            subtractAmbient(*image, **ambient);
+        }
+        if (!entry.maskPath.empty()) {
+            const auto mask = readExtra(entry.maskPath, entry.gain, true, *image);
+            if (!mask) return mask.error();
+            applyMask(*image, **mask);
+        }
+        if (file) {
+            if (image->width != file->width || image->height != file->height)
+                return Error{ErrorCode::kBadInput, entry.path + ": image is " + std::to_string(image->width) + " x " + std::to_string(image->height) +
+                                                       " pixels, expected " + std::to_string(file->width) + " x " + std::to_string(file->height) + " like its camera"};
+            *image = resampled(*image, *file, enlarged(camera, shrink));
+        }
+        if (shrink > 1) *image = shrunk(*image, shrink);
+        image->rgba.shrink_to_fit(); // the decoder grows it row by row
+        return image;
     }
 
     std::shared_ptr<const Image> find(const std::string& path)
@@ -190,6 +266,8 @@ ImageCache::ImageCache(const OlatDataset& dataset, size_t budgetBytes) : state_(
     state_->colorSpaceIsGuess = dataset.colorSpaceIsGuess;
     state_->premultiplied = dataset.premultiplied;
     state_->straightPng = dataset.straightPng;
+    state_->blackLevel = dataset.blackLevel;
+    state_->whiteLevel = dataset.whiteLevel;
     state_->shrink = dataset.shrink;
     state_->budgetBytes = budgetBytes;
 }
@@ -222,7 +300,7 @@ Result<std::shared_ptr<const Image>> ImageCache::load(const OlatSplit& split, si
         image = state_->find(entry.path);
     }
     if (!image) {
-        Result<Image> decoded = state_->decode(entry.path);
+        Result<Image> decoded = state_->decode(entry, camera, split.files.empty() ? nullptr : &split.files[entry.camera]);
         if (!decoded) return decoded.error();
         image = std::make_shared<const Image>(std::move(*decoded));
         const std::lock_guard lock(state_->mutex);

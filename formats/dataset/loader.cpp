@@ -159,20 +159,28 @@ FileColors readFileColors(const DatasetSource& source)
             if (out.premultiplied.value_or(here) != here) alpha.fail("the same alpha in every split", "another one");
             out.premultiplied = here;
         }
-        const JsonNode background = top["background"];
-        if (background.isString() && background.string() != "black")
-            background.fail("\"black\"", inQuotes(background.string()) + "; composite the images over black, or keep straight alpha and say \"alpha\": \"straight\"");
     }
     return out;
 }
 
-void SplitBuilder::add(const Camera& camera, const Light& light, std::string path)
+void SplitBuilder::add(const Camera& camera, const Light& light, std::string path) { add(camera, OlatImage{0, light, std::move(path)}, std::nullopt); }
+
+void SplitBuilder::add(const Camera& camera, OlatImage image, const std::optional<FileCamera>& file)
 {
-    std::array<double, 22> key{double(camera.width), double(camera.height), camera.fx, camera.fy, camera.cx, camera.cy};
+    std::array<double, 36> key{double(camera.width), double(camera.height), camera.fx, camera.fy, camera.cx, camera.cy};
     std::copy_n(&camera.worldFromCamera[0][0], 16, key.begin() + 6);
+    const FileCamera taken = file.value_or(FileCamera{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy});
+    const double more[] = {double(taken.width), double(taken.height), taken.fx, taken.fy, taken.cx, taken.cy};
+    std::copy(std::begin(more), std::end(more), key.begin() + 22);
+    std::copy(std::begin(taken.k), std::end(taken.k), key.begin() + 28);
+    std::copy(std::begin(taken.p), std::end(taken.p), key.begin() + 34);
     const auto [it, isNew] = indexOfCamera_.try_emplace(key, uint32_t(split.cameras.size()));
+    if (isNew && file && split.files.empty()) // those before are as their cameras say
+        for (const Camera& c : split.cameras) split.files.push_back({c.width, c.height, c.fx, c.fy, c.cx, c.cy});
     if (isNew) split.cameras.push_back(camera);
-    split.images.push_back({it->second, light, std::move(path)});
+    if (isNew && (file || !split.files.empty())) split.files.push_back(taken);
+    image.camera = it->second;
+    split.images.push_back(std::move(image));
 }
 
 float conventionalIntensity(const std::vector<OlatSplit>& splits)

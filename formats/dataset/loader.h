@@ -84,7 +84,7 @@ Status checkSizes(const DatasetSource& source, const OlatDataset& dataset);
 void checkIntrinsics(OlatDataset& dataset);
 
 /// What the top levels say of how colours are stored: `color_space` "linear" | "srgb", `alpha` "straight" | "premultiplied". Splits that
-/// disagree, and a `background` that is not black, are mismatches.
+/// disagree are mismatches.
 struct FileColors {
     std::optional<ColorSpace> colorSpace;
     std::optional<bool> premultiplied;
@@ -106,11 +106,21 @@ class SplitBuilder {
 public:
     explicit SplitBuilder(std::string name) { split.name = std::move(name); }
     void add(const Camera& camera, const Light& light, std::string path);
+    /// `image.camera` is set here. `file`: how its pixels were taken, if not as the camera says.
+    void add(const Camera& camera, OlatImage image, const std::optional<FileCamera>& file);
     OlatSplit split;
 
 private:
-    std::map<std::array<double, 22>, uint32_t> indexOfCamera_;
+    std::map<std::array<double, 36>, uint32_t> indexOfCamera_;
 };
+
+/// What a frame, or else the top level, says of its photograph: `mask_path` (or `obj_mask_path`), `ambient_path`, `exposure_ev` (file values are
+/// 2^ev times the radiance) and `gain` (a number or [r, g, b]: so many times). Paths are relative to `folder` of the dataset.
+void readPhotograph(const DatasetSource& source, const std::string& folder, const JsonNode& frame, const JsonNode& top, OlatImage& image);
+
+/// What the top levels say of the whole capture: `black_level`, `white_level` (file values, 0 to 1), `background` "black" | "in_view", `light_rig`
+/// "fixed" | "camera" | "stage". Splits that disagree on levels or rig are mismatches; the background is that of the train split.
+void readCapture(const DatasetSource& source, OlatDataset& out);
 
 /// The intensity for data that has none: a white diffuse surface facing the light from where the cameras look gets radiance 1 at the
 /// mean distance of the lights of the first split, so I = pi * mean(r)^2. One value for the whole dataset.

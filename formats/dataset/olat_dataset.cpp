@@ -144,6 +144,7 @@ Status decideColors(const DatasetSource& source, OlatDataset& dataset)
             if (extension == ".exr" && !firstExr) firstExr = &image;
         }
     const FileColors said = readFileColors(source);
+    readCapture(source, dataset);
     for (const Description& d : source.descriptions)
         if (d.json.failed()) return d.json.error();
     if (png == 0 && said.colorSpace == ColorSpace::kSrgb)

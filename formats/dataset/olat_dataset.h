@@ -18,16 +18,35 @@ namespace nacre {
 
 enum class ColorSpace : uint8_t { kLinear, kSrgb };
 
+/// How the pixels of a file were taken, where that is not the pinhole camera that the dataset gives for it: a lens (the rational model of OpenCV,
+/// calib3d: radial k1..k6, tangential p1, p2), or a larger image that the camera is a part of.
+struct FileCamera {
+    int width = 0, height = 0;
+    double fx = 0, fy = 0, cx = 0, cy = 0; // pixels of the file
+    double k[6] = {}, p[2] = {};
+    bool operator==(const FileCamera&) const = default;
+};
+
 struct OlatImage {
     uint32_t camera = 0;   // index into OlatSplit::cameras
     Light light;           // in the cameras' world frame; intensity includes any per-image gain
     std::string path;      // absolute or relative to the process
+    std::string maskPath{};    // coverage of the object; empty: the file's own alpha
+    std::string ambientPath{}; // the same view and exposure with its light off, which is subtracted; empty: there is none
+    glm::vec3 gain{1.0f};      // what the file's linear values are multiplied by to be in the unit of the lights: 1 / exposure
 };
+
+/// What the lights of a dataset are fixed to: nothing, one flash to the camera (the stated places are nominal), or all of them to a stage that may be
+/// turned as one.
+enum class LightRig : uint8_t { kFixed, kCamera, kStage };
+
+class PackedImages;
 
 struct OlatSplit {
     std::string name;               // "train", "test", "near", "directional", "environment", ...
     std::vector<Camera> cameras;    // distinct cameras: frames that share pose and intrinsics share one entry
     std::vector<OlatImage> images;  // in file order
+    std::vector<FileCamera> files{}; // of each camera; empty: all files are as their cameras are
 };
 
 struct OlatDataset {
@@ -39,6 +58,11 @@ struct OlatDataset {
     bool straightPng = false;       // PNG files beside EXR ones: straight, whatever `premultiplied` says
     glm::vec3 up{0, 0, 1};          // which world axis is up
     AssetFrame frame;               // of the cameras and lights below in what the files state (normalise.h)
+    float blackLevel = 0;           // file value, 0 to 1, that is black
+    float whiteLevel = 0;           // file value from which a channel is saturated; 0: the largest of an 8- or 16-bit file, none of an EXR
+    bool backgroundInView = false;  // files show the surroundings and have no masks: the alpha of all pixels is 1 and means nothing
+    LightRig rig = LightRig::kFixed;
+    std::shared_ptr<const PackedImages> packed; // where the pixels are, instead of in files
     int shrink = 1;                 // loaded images are means over so many pixels of the file in each direction; cameras are of these
     std::vector<OlatSplit> splits;
     std::vector<std::string> warnings; // one line each; never printed by the library
@@ -63,8 +87,8 @@ class ImageCache {
 public:
     ImageCache(const OlatDataset& dataset, size_t budgetBytes);
     ~ImageCache();
-    /// Linear, premultiplied, size checked against the camera, finite, alpha in [0, 1] (1 if the file has none). Alpha that a filter left a
-    /// little outside is clamped, and a PNG's own word on its colours (gAMA) holds where the dataset has none.
+    /// Linear, premultiplied, developed (develop.h), size checked against the camera, finite, alpha in [0, 1] (1 if the file has none) or
+    /// kUnknownAlpha. Alpha that a filter left a little outside is clamped, and a PNG's own word on its colours (gAMA) holds where the dataset has none.
     Result<std::shared_ptr<const Image>> load(const OlatSplit& split, size_t imageIndex);
     /// What was found in the files loaded so far that may not be meant: one line a kind, with their number and the first.
     std::vector<std::string> notes() const;

@@ -1,7 +1,7 @@
 // Nacre's own convention, written by the light stage.
 //
 //   transforms_<split>.json: camera_angle_x (or fl_x, ...), width, height, color_space "linear" | "srgb", alpha "premultiplied" | "straight",
-//     background "black", frames:
+//     background "black" | "in_view", what readCapture and readPhotograph (capture_keys.cpp) read, frames:
 //     file_path (with extension), transform_matrix (camera-to-world, camera looks along -Z, world +Z up), light:
 //       {type: "point", position, intensity}                      irradiance = intensity / r^2
 //       {type: "directional", direction_to_light, irradiance}
@@ -77,7 +77,9 @@ Status loadCanonical(const DatasetSource& source, OlatDataset& out)
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
             const std::string path = findImage(source, "", frame["file_path"].string(), frame["file_path"]);
             if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
-            builder.add(camera, readLight(source, frame["light"], allOn), path);
+            OlatImage image{0, readLight(source, frame["light"], allOn), path};
+            readPhotograph(source, "", frame, top, image);
+            builder.add(camera, std::move(image), std::nullopt);
             if (description.json.failed()) return description.json.error();
         }
         if (description.json.failed()) return description.json.error();
