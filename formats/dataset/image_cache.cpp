@@ -13,8 +13,7 @@
 #include "base/color.h"
 #include "base/text.h"
 #include "dataset/develop.h"
-#include "interchange/exr.h"
-#include "interchange/png.h"
+#include "interchange/image_file.h"
 
 #include <algorithm>
 #include <cmath>
@@ -34,12 +33,6 @@ constexpr float kAlphaSlack = 1e-3f; // half-float and lossy compression round; 
 // Filters with negative lobes overshoot at a step by up to 9 % (Lanczos) or 7 % (bicubic) a direction, so 19 % in corners.
 constexpr float kAlphaOvershoot = 0.2f;
 constexpr float kShownWhite = 0.9999f;
-
-bool isExr(const std::string& path)
-{
-    const size_t n = path.size();
-    return n >= 4 && path[n - 4] == '.' && (path[n - 3] | 32) == 'e' && (path[n - 2] | 32) == 'x' && (path[n - 1] | 32) == 'r';
-}
 
 /// How the colours of one file are stored, and what they are in the unit of the lights.
 struct Encoding {
@@ -176,12 +169,15 @@ struct ImageCache::State {
             const std::lock_guard lock(mutex);
             noted[kind].insert(file);
         };
-        PngColor color;
-        Result<Image> image = isExr(path) ? readExr(path) : readPng(path, &color);
+        ImageWords words;
+        Result<Image> image = readImageFile(path, &words);
         if (!image || isMask) return image;
-        Encoding encoding{ColorSpace::kLinear, premultiplied, blackLevel, whiteLevel > 0 ? whiteLevel : isExr(path) ? std::numeric_limits<float>::infinity() : 1.0f, gain};
-        if (!isExr(path))
-            encoding.colorSpace = colorSpaceOf(color, colorSpace, colorSpaceIsGuess, path, note), encoding.premultiplied = premultiplied && !straightPng;
+        const bool isExr = imageKind(path) == ImageKind::kExr;
+        Encoding encoding{ColorSpace::kLinear, premultiplied, blackLevel, whiteLevel > 0 ? whiteLevel : isExr ? std::numeric_limits<float>::infinity() : 1.0f, gain};
+        if (!isExr)
+            encoding.colorSpace = colorSpaceOf(words.color, colorSpace, colorSpaceIsGuess, path, note), encoding.premultiplied = premultiplied && !straightPng;
+        if (words.orientation != 1)
+            note("ask viewers to turn them (EXIF orientation), which is not done: cameras must be those of the pixels as they are stored", path);
         if (Status s = convert(*image, encoding, path, note); !s) return s.error();
         return image;
     }

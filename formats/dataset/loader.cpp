@@ -2,6 +2,7 @@
 #include "dataset/loader.h"
 
 #include "dataset/normalise.h"
+#include "interchange/image_file.h"
 
 #include <algorithm>
 #include <cmath>
@@ -123,8 +124,8 @@ std::string findImage(const DatasetSource& source, const std::string& folder, co
     const auto pathOf = [&](const std::string& name) { return (std::filesystem::path(source.path) / folder / name).lexically_normal().string(); };
     std::vector<std::string> endings = {""};
     if (!assumed.empty()) endings.insert(endings.begin(), assumed);
-    if (const std::string e = extensionOf(file); e != ".png" && e != ".exr")
-        for (const char* usual : {".png", ".exr", ".PNG", ".EXR", ".jpg", ".jpeg"}) endings.push_back(usual);
+    if (imageKind(file) == ImageKind::kNone)
+        for (const char* usual : {".png", ".exr", ".jpg", ".jpeg", ".PNG", ".EXR", ".JPG", ".JPEG"}) endings.push_back(usual);
     for (const std::string& ending : endings)
         if (!file.empty() && source.fileExists(pathOf(file + ending))) return pathOf(file + ending);
     for (const std::string& name : {file + assumed, file}) // but for capitals in the extension

@@ -2,8 +2,7 @@
 #include "dataset/loader.h"
 
 #include "base/file.h"
-#include "interchange/exr.h"
-#include "interchange/png.h"
+#include "interchange/image_file.h"
 
 #include <algorithm>
 #include <charconv>
@@ -85,7 +84,7 @@ Result<DatasetSource> readSource(const std::string& path)
     DatasetSource source;
     source.path = path;
     source.fileExists = [](const std::string& p) { std::error_code e; return fs::is_regular_file(p, e); };
-    source.readImageSize = [](const std::string& p) { return extensionOf(p) == ".exr" ? readExrSize(p) : readPngSize(p); };
+    source.readImageSize = readImageFileSize;
     if (extensionOf(path) == ".json" && fs::is_regular_file(path, ec)) {
         source.path = fs::path(path).parent_path().string();
         if (Status s = addDescription(source, "", fs::path(path).filename().string()); !s) return s.error();
@@ -133,35 +132,37 @@ Status checkMissing(const DatasetSource& source, OlatDataset& dataset)
 /// Each file goes by its kind, unless the description says otherwise. Only formats that ImageCache reads.
 Status decideColors(const DatasetSource& source, OlatDataset& dataset)
 {
-    size_t png = 0, exr = 0;
+    size_t display = 0, jpeg = 0, exr = 0; // PNG and JPEG; JPEG alone; EXR
     const OlatImage* firstExr = nullptr;
     for (const OlatSplit& split : dataset.splits)
         for (const OlatImage& image : split.images) {
-            const std::string extension = extensionOf(image.path);
-            if (extension != ".exr" && extension != ".png")
-                return Error{ErrorCode::kUnsupported, "image " + inQuotes(image.path) + ": expected .exr or .png; convert it first"};
-            ++(extension == ".exr" ? exr : png);
-            if (extension == ".exr" && !firstExr) firstExr = &image;
+            const ImageKind kind = imageKind(image.path);
+            if (kind == ImageKind::kNone)
+                return Error{ErrorCode::kUnsupported, "image " + inQuotes(image.path) + ": expected .exr, .png or .jpg; convert it first"};
+            ++(kind == ImageKind::kExr ? exr : display);
+            if (kind == ImageKind::kJpeg) ++jpeg;
+            if (kind == ImageKind::kExr && !firstExr) firstExr = &image;
         }
     const FileColors said = readFileColors(source);
     readCapture(source, dataset);
     for (const Description& d : source.descriptions)
         if (d.json.failed()) return d.json.error();
-    if (png == 0 && said.colorSpace == ColorSpace::kSrgb)
+    if (display == 0 && said.colorSpace == ColorSpace::kSrgb)
         return Error{ErrorCode::kBadInput, "image " + inQuotes(firstExr->path) + ": an EXR in a dataset with color_space srgb; EXR is linear"};
-    if (png == 0) dataset.colorSpace = ColorSpace::kLinear;
+    if (display == 0) dataset.colorSpace = ColorSpace::kLinear;
     else if (said.colorSpace) dataset.colorSpace = *said.colorSpace;
     dataset.colorSpaceIsGuess = !said.colorSpace;
     if (said.premultiplied) dataset.premultiplied = *said.premultiplied, dataset.straightPng = false;
     if (exr == 0 && dataset.straightPng) dataset.premultiplied = false;
-    if (exr == 0 || png == 0) dataset.straightPng = false;
+    if (exr == 0 || display == 0) dataset.straightPng = false;
 
-    if (!said.colorSpace && png > 0 && dataset.convention == "canonical")
-        dataset.warnings.push_back("no color_space: PNG images are taken as sRGB; write \"color_space\": \"srgb\" or \"linear\" into " +
+    const char* names = jpeg == 0 ? "PNG" : jpeg == display ? "JPEG" : "PNG and JPEG";
+    if (!said.colorSpace && display > 0 && dataset.convention == "canonical")
+        dataset.warnings.push_back(std::string("no color_space: ") + names + " images are taken as sRGB; write \"color_space\": \"srgb\" or \"linear\" into " +
                                    source.descriptions[0].json.name());
-    if (png > 0 && exr > 0)
-        dataset.warnings.push_back(std::to_string(png) + " PNG images are read as " + (dataset.colorSpace == ColorSpace::kSrgb ? "sRGB" : "linear") + ", " +
-                                   std::to_string(exr) + " EXR images as linear: the dataset mixes them");
+    if (display > 0 && exr > 0)
+        dataset.warnings.push_back(std::to_string(display) + " " + names + " images are read as " + (dataset.colorSpace == ColorSpace::kSrgb ? "sRGB" : "linear") +
+                                   ", " + std::to_string(exr) + " EXR images as linear: the dataset mixes them");
     return ok();
 }
 

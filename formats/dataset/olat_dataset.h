@@ -52,7 +52,7 @@ struct OlatSplit {
 struct OlatDataset {
     std::string path;
     std::string convention;         // "canonical", "plpos", "sssgs", "bigs"
-    ColorSpace colorSpace = ColorSpace::kLinear; // of the PNG files (EXR is linear); loaded images are always linear
+    ColorSpace colorSpace = ColorSpace::kLinear; // of PNG and JPEG files (EXR is linear); loaded images are always linear
     bool colorSpaceIsGuess = false; // nothing but the kind of file says so: a PNG that says otherwise (gAMA) is believed
     bool premultiplied = true;      // of the files; loaded images always are
     bool straightPng = false;       // PNG files beside EXR ones: straight, whatever `premultiplied` says

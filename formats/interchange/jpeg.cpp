@@ -5,10 +5,13 @@
 // that needs a destructor; what does lives in decodeJpeg().
 #include "interchange/jpeg.h"
 
+#include "base/file.h"
 #include "base/text.h"
 
+#include <algorithm>
 #include <csetjmp>
 #include <cstdio> // jpeglib.h needs it
+#include <cstring>
 #include <jerror.h>
 #include <jpeglib.h>
 
@@ -96,6 +99,56 @@ bool decodeInto(Decoder& d, std::span<const std::byte> bytes, Image8& image, std
     return true;
 }
 
+/// Big- or little-endian whole numbers of a segment. What lies past the end reads as 0.
+struct Segment {
+    std::span<const std::byte> bytes;
+    bool littleEndian = false;
+
+    size_t value(size_t at, size_t count) const
+    {
+        if (at > bytes.size() || count > bytes.size() - at) return 0;
+        size_t v = 0;
+        for (size_t i = 0; i < count; ++i) v = v << 8 | std::to_integer<size_t>(bytes[at + (littleEndian ? count - 1 - i : i)]);
+        return v;
+    }
+    bool startsWith(std::string_view text) const
+    {
+        return bytes.size() >= text.size() && std::memcmp(bytes.data(), text.data(), text.size()) == 0;
+    }
+    Segment from(size_t at) const { return {bytes.subspan(std::min(at, bytes.size())), littleEndian}; }
+};
+
+/// Tag 0x112 of the first directory of a TIFF header.
+int exifOrientation(Segment tiff)
+{
+    tiff.littleEndian = tiff.startsWith("II");
+    const size_t directory = tiff.value(4, 4), count = tiff.value(directory, 2);
+    for (size_t i = 0; i < count && directory + 2 + 12 * i < tiff.bytes.size(); ++i) {
+        const size_t entry = directory + 2 + 12 * i, orientation = tiff.value(entry + 8, 2);
+        if (tiff.value(entry, 2) == 0x112 && orientation >= 1 && orientation <= 8) return int(orientation);
+    }
+    return 1;
+}
+
+/// The tag `desc` of an ICC profile: 8-bit text in version 2, UTF-16 in version 4, of which names of profiles use what is ASCII.
+std::string profileName(const Segment& icc)
+{
+    constexpr size_t kHeader = 128, kLongest = 80;
+    const size_t count = icc.value(kHeader, 4);
+    for (size_t i = 0; i < count && kHeader + 4 + 12 * i < icc.bytes.size(); ++i) {
+        const size_t tag = kHeader + 4 + 12 * i;
+        if (!icc.from(tag).startsWith("desc")) continue;
+        const Segment text = icc.from(icc.value(tag + 4, 4));
+        const bool wide = text.startsWith("mluc");
+        const size_t start = wide ? text.value(24, 4) : 12, size = wide ? text.value(20, 4) : text.value(8, 4);
+        std::string name;
+        for (size_t at = wide ? 1 : 0; at < std::min(size, kLongest); at += wide ? 2 : 1)
+            if (const size_t c = text.value(start + at, 1)) name += char(c);
+        if (!name.empty()) return name;
+    }
+    return "without a name";
+}
+
 } // namespace
 
 bool looksLikeJpeg(std::span<const std::byte> bytes)
@@ -114,6 +167,61 @@ Result<Image8> decodeJpeg(std::span<const std::byte> bytes, const std::string& n
     std::vector<uint8_t> row;
     if (!decodeInto(owner.d, bytes, image, row)) return Error{owner.d.code, name + ": JPEG: " + oneLine(owner.d.message)};
     return image;
+}
+
+Result<JpegHeader> readJpegHeader(std::span<const std::byte> bytes, const std::string& name)
+{
+    const auto broken = [&](const std::string& what) { return Error{ErrorCode::kBadInput, name + ": JPEG: " + what}; };
+    if (!looksLikeJpeg(bytes)) return broken("not a JPEG file (" + std::to_string(bytes.size()) + " bytes)");
+    const Segment all{bytes};
+    JpegHeader header;
+    for (size_t at = 2;;) {
+        while (at + 1 < bytes.size() && (all.value(at, 1) != 0xff || all.value(at + 1, 1) == 0 || all.value(at + 1, 1) == 0xff)) ++at; // fill, junk
+        const size_t marker = all.value(at, 2);
+        if (marker == 0xff01 || (marker >= 0xffd0 && marker <= 0xffd7)) { // restarts and the like: bare markers
+            at += 2;
+            continue;
+        }
+        const size_t size = std::max<size_t>(all.value(at + 2, 2), 2);
+        if (at + 4 > bytes.size() || size > bytes.size() - at - 2) return broken("ends before its size, at byte " + std::to_string(bytes.size()));
+        const Segment segment{bytes.subspan(at + 4, size - 2)};
+        const bool isFrame = marker >= 0xffc0 && marker <= 0xffcf && marker != 0xffc4 && marker != 0xffc8 && marker != 0xffcc;
+        if (isFrame) {
+            header.height = int(segment.value(1, 2)), header.width = int(segment.value(3, 2));
+            if (header.width < 1 || header.height < 1) return broken(std::to_string(header.width) + " x " + std::to_string(header.height) + " pixels");
+            return header;
+        }
+        if (marker == 0xffe1 && segment.startsWith({"Exif\0", 6})) header.orientation = exifOrientation(segment.from(6));
+        if (marker == 0xffe2 && segment.startsWith({"ICC_PROFILE\0\1", 13})) header.profile = profileName(segment.from(14)); // the first part has the tags
+        if (marker == 0xffd9 || marker == 0xffda) return broken("no frame header before its pixels");
+        at += 2 + size;
+    }
+}
+
+Result<Image> readJpeg(const std::string& path, JpegHeader* header)
+{
+    const Result<std::vector<std::byte>> bytes = readFile(path);
+    if (!bytes) return bytes.error();
+    const Result<Image8> decoded = decodeJpeg(*bytes, path);
+    if (!decoded) return decoded.error();
+    if (header)
+        if (const Result<JpegHeader> found = readJpegHeader(*bytes, path)) *header = *found;
+    Image image{decoded->width, decoded->height, std::vector<float>(decoded->rgba.size())};
+    for (size_t i = 0; i < image.rgba.size(); ++i) image.rgba[i] = float(decoded->rgba[i]) / 255.0f;
+    return image;
+}
+
+Result<Image> readJpegSize(const std::string& path)
+{
+    // Cameras put a preview and a profile before the frame header; 64 KiB mostly reach it.
+    for (const size_t count : {size_t(1) << 16, size_t(1) << 24}) {
+        const Result<FileStart> start = readFileStart(path, count);
+        if (!start) return start.error();
+        const Result<JpegHeader> header = readJpegHeader(start->bytes, path);
+        if (header) return Image{header->width, header->height, {}};
+        if (count >= start->fileSize || count > (size_t(1) << 16)) return header.error();
+    }
+    return Error{ErrorCode::kBadInput, path + ": JPEG: no size"};
 }
 
 } // namespace nacre

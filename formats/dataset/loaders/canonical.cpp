@@ -8,7 +8,7 @@
 //       {type: "environment", map}                                equirectangular EXR
 //       {type: "all_on"}                                          all of the top level's `lights` (points, directionals) at once
 // Colour is premultiplied by alpha (over black) unless `alpha` says straight; srgb encodes the premultiplied value. Without a color_space in
-// any split PNG is taken as srgb, which is what 8-bit images hold, with a warning, and EXR as linear.
+// any split PNG and JPEG are taken as srgb, which is what 8-bit images hold, with a warning, and EXR as linear.
 #include "dataset/environment_map.h"
 #include "dataset/loader.h"
 

@@ -8,6 +8,8 @@
 // Images: 8-bit sRGB PNG, premultiplied on black (see image_cache.cpp for the order). There is no calibrated intensity.
 #include "dataset/loader.h"
 
+#include "interchange/image_file.h"
+
 #include <filesystem>
 #include <set>
 #include <sstream>
@@ -15,12 +17,11 @@
 namespace nacre {
 namespace {
 
-/// The file's name without .png or .exr; other dots belong to the name.
+/// The file's name without the extension of an image; other dots belong to the name.
 std::string stemOf(const std::string& file)
 {
     const std::filesystem::path name = std::filesystem::path(file).filename();
-    const std::string extension = extensionOf(file);
-    return (extension == ".png" || extension == ".exr" ? name.stem() : name).string();
+    return (imageKind(file) == ImageKind::kNone ? name : name.stem()).string();
 }
 
 std::set<std::string> excludedStems(const std::string& text)
