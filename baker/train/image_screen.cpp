@@ -11,6 +11,8 @@
 namespace nacre {
 
 constexpr float kBlack = 1.5e-4f;      // below half a step of an 8-bit display
+constexpr float kWhite = 0.9999f;
+constexpr double kWhiteShare = 0.9;    // of the object
 constexpr double kLitSide = 0.2;       // cosine at the object between camera and light: from there some lit surface is always seen
 constexpr size_t kAtOnceBytes = size_t(1) << 30, kMostAtOnce = 64; // what is decoded between two looks at the clock
 
@@ -19,6 +21,19 @@ static bool isBlack(const Image& image)
     for (size_t i = 0; i < image.rgba.size(); i += 4)
         if (std::max({image.rgba[i], image.rgba[i + 1], image.rgba[i + 2]}) > kBlack) return false;
     return true;
+}
+
+/// Nearly all of the object is saturated in every channel.
+static bool isWhite(const Image& image)
+{
+    size_t object = 0, white = 0;
+    for (size_t i = 0; i < image.rgba.size(); i += 4) {
+        const float* p = &image.rgba[i];
+        if (p[3] >= 0 && p[3] <= 0.5f) continue;
+        ++object;
+        white += p[3] < 0 || std::min({p[0], p[1], p[2]}) >= kWhite;
+    }
+    return object > 0 && double(white) >= kWhiteShare * double(object);
 }
 
 BlackFrames::BlackFrames(const OlatSplit& split) : split_(split)
@@ -66,7 +81,9 @@ Result<std::vector<UnusableImage>> unusableImages(const OlatDataset& dataset, co
         tbb::parallel_for(first, std::min(first + atOnce, used.size()), [&](size_t k) {
             const OlatImage& entry = split.images[used[k]];
             const auto image = files.load(split, used[k]);
-            fault[k] = image ? black.fault(entry, **image) : image.error().message;
+            fault[k] = !image           ? image.error().message
+                       : isWhite(**image) ? entry.path + ": the image is white, saturated on nearly all of the object; expose less"
+                                          : black.fault(entry, **image);
         });
     }
     std::vector<UnusableImage> out;

@@ -85,6 +85,16 @@ TEST_CASE("a cut, an empty, a vanished, an odd-sized and a black image are left 
     CHECK(refused.error().message.find("5 of 12") != std::string::npos);
 }
 
+TEST_CASE("an image that is saturated nearly everywhere says nothing, and is left out")
+{
+    Folder f("nacre_test_white");
+    f.write(3, kSize, 255);
+    const auto found = f.look();
+    REQUIRE(bool(found));
+    REQUIRE(found->size() == 1);
+    CHECK((*found)[0].why.find("white") != std::string::npos);
+}
+
 TEST_CASE("black is no fault where the light is behind the object, or off")
 {
     Folder f("nacre_test_black");
