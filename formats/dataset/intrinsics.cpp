@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 namespace nacre {
 namespace {
@@ -22,6 +23,17 @@ std::string brief(double x)
     return text;
 }
 
+bool isZero(double coefficient) { return std::fabs(coefficient) < kNoDistortion; }
+
+/// What a description says of the lens, top level and frame together.
+struct Lens {
+    double k[6] = {}, p[2] = {};
+    bool isPinhole() const { return std::all_of(std::begin(k), std::end(k), isZero) && std::all_of(std::begin(p), std::end(p), isZero); }
+};
+
+constexpr CameraModel kCameraModels[] = {{"SIMPLE_PINHOLE", 0, 3, 3}, {"PINHOLE", 1, 4, 4}, {"SIMPLE_RADIAL", 2, 4, 3},
+                                         {"RADIAL", 3, 5, 3},         {"OPENCV", 4, 8, 4},  {"FULL_OPENCV", 6, 12, 4}};
+
 std::string pixels(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
 double focalFromAngle(double angle, int pixelCount) { return 0.5 * pixelCount / std::tan(0.5 * angle); }
@@ -35,38 +47,92 @@ double readAngle(const JsonNode& node)
     return 0;
 }
 
-void rejectDistortion(const JsonNode& scope)
+void refuse(const JsonNode& node, const std::string& found)
 {
-    const auto refuse = [](const JsonNode& node, const std::string& found) {
-        node.fail("images without lens distortion", found + "; undistort the images to a pinhole camera first", ErrorCode::kUnsupported);
-    };
-    for (const char* key : {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4", "s1", "s2", "s3", "s4"}) {
-        const JsonNode k = scope[key];
-        if (k.exists() && !(std::fabs(k.number()) < kNoDistortion)) refuse(k, "lens distortion " + brief(k.number()));
+    node.fail("a lens of the models k1..k6, p1, p2 of OpenCV", found + "; undistort the images to a pinhole camera first", ErrorCode::kUnsupported);
+}
+
+double readCoefficient(const JsonNode& node)
+{
+    constexpr double kLargest = 1e6; // those of the rational model are large together, and still far below
+    return node.number(kLargest);
+}
+
+/// Coefficients of a list, in the order that its name and length stand for.
+void readList(const JsonNode& node, std::span<double* const> order)
+{
+    const std::vector<JsonNode> all = node.items();
+    for (double* c : order) *c = 0;
+    for (size_t i = 0; i < all.size(); ++i) {
+        const double c = readCoefficient(all[i]);
+        if (i < order.size()) *order[i] = c;
+        else if (!isZero(c)) refuse(node, "lens distortion " + brief(c) + " as number " + std::to_string(i + 1) + " of the list");
     }
-    for (const char* key : {"distortion_params", "distortion", "distortion_coefficients", "dist_coeffs", "distCoeffs", "radial_distortion", "tangential_distortion", "radial", "kdist", "D"}) {
+}
+
+/// What a scope says of the lens, over what `lens` holds from a wider one.
+void readLens(const JsonNode& scope, Lens& lens)
+{
+    double *k = lens.k, *p = lens.p;
+    double* const opencv[] = {&k[0], &k[1], &p[0], &p[1], &k[2], &k[3], &k[4], &k[5]};
+    double* const nerfstudio[] = {&k[0], &k[1], &k[2], &k[3], &p[0], &p[1]}; // the one list of six
+    double* const radial[] = {&k[0], &k[1], &k[2]};
+    if (scope["camera"].isObject()) readLens(scope["camera"], lens);
+    for (const char* key : {"distortion_params", "distortion", "distortion_coefficients", "dist_coeffs", "distCoeffs", "D"}) {
         const JsonNode all = scope[key];
-        if (!all.isArray() && !all.isObject()) continue;
-        for (const JsonNode& k : all.items())
-            if (k.isNumber() && !(std::fabs(k.number()) < kNoDistortion)) refuse(k, "lens distortion " + brief(k.number()));
+        if (all.isObject()) readLens(all, lens);
+        if (!all.isArray()) continue;
+        const bool isNerfstudio = all.items().size() == 6;
+        readList(all, isNerfstudio ? std::span<double* const>(nerfstudio) : opencv);
+        if (isNerfstudio && !isZero(k[3])) refuse(all, "lens distortion " + brief(k[3]) + " as the fourth radial term");
     }
-    if (scope["camera"].isObject()) rejectDistortion(scope["camera"]);
-    const JsonNode parameters = scope["camera_params"]; // as COLMAP and others give them: fx, fy, cx, cy, then the lens
-    if (parameters.isArray()) {
-        const std::vector<JsonNode> all = parameters.items();
-        for (size_t i = 4; i < all.size(); ++i)
-            if (all[i].isNumber() && !(std::fabs(all[i].number()) < kNoDistortion)) refuse(parameters, "lens distortion " + brief(all[i].number()));
-    }
-    if (scope["is_fisheye"].exists() && scope["is_fisheye"].boolean()) refuse(scope["is_fisheye"], "a fisheye lens");
-    for (const char* key : {"camera_model", "camera_type"}) { // those that are a pinhole once their coefficients are 0
+    if (scope["radial_distortion"].isArray()) readList(scope["radial_distortion"], radial);
+    if (scope["tangential_distortion"].isArray()) readList(scope["tangential_distortion"], std::span(opencv).subspan(2, 2));
+
+    std::string model;
+    for (const char* key : {"camera_model", "camera_type"}) {
         const JsonNode node = scope[key];
         if (!node.isString()) continue;
-        std::string model = node.string();
+        model = node.string();
         for (char& c : model) c = char(std::toupper(static_cast<unsigned char>(c)));
-        const char* const pinholes[] = {"PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE", "PERSP", "OPENCV", "FULL_OPENCV", "SIMPLE_RADIAL", "RADIAL", "BROWN", ""};
-        if (std::none_of(std::begin(pinholes), std::end(pinholes), [&](const char* p) { return model == p; }))
+        const char* const others[] = {"PERSPECTIVE", "PERSP", "BROWN", ""}; // names of the same by programs that write the coefficients by name
+        if (!findCameraModel(model) && std::none_of(std::begin(others), std::end(others), [&](const char* o) { return model == o; }))
             refuse(node, "the camera model " + inQuotes(node.string()));
     }
+    if (const JsonNode parameters = scope["camera_params"]; parameters.isArray()) { // as COLMAP has them, focal lengths first
+        const std::vector<JsonNode> all = parameters.items();
+        const CameraModel* known = findCameraModel(model);
+        if (known && all.size() == known->count) {
+            std::vector<double> numbers;
+            for (size_t i = 0; i < all.size(); ++i) numbers.push_back(i < known->lensAt ? 0.0 : readCoefficient(all[i]));
+            setLens(*known, numbers, k, p);
+        } else {
+            for (size_t i = 4; i < all.size(); ++i)
+                if (all[i].isNumber() && !isZero(all[i].number()))
+                    parameters.fail(known ? std::to_string(known->count) + " numbers of " + model : "camera_model beside camera_params that has a lens",
+                                    known ? std::to_string(all.size()) : "none of COLMAP's", ErrorCode::kUnsupported);
+        }
+    }
+
+    for (size_t i = 0; i < 6; ++i) {
+        const char* const keys[] = {"k1", "k2", "k3", "k4", "k5", "k6"};
+        if (const JsonNode node = scope[keys[i]]; node.exists()) k[i] = readCoefficient(node);
+    }
+    for (size_t i = 0; i < 2; ++i)
+        if (const JsonNode node = scope[i ? "p2" : "p1"]; node.exists()) p[i] = readCoefficient(node);
+    // With two meanings: the last term of a polynomial in some programs, the denominator in OpenCV, which has all three of them.
+    if (const JsonNode k4 = scope["k4"]; k4.exists() && !isZero(k[3]) && !scope["k5"].exists() && !scope["k6"].exists())
+        k4.fail("k5 and k6 beside k4, which is of OpenCV's rational model", "k4 " + brief(k[3]) + " alone; undistort the images, or write k5 and k6 as 0 if that is meant",
+                ErrorCode::kUnsupported);
+    for (const char* key : {"p3", "p4", "s1", "s2", "s3", "s4"})
+        if (const JsonNode node = scope[key]; node.exists() && !isZero(node.number())) refuse(node, "lens distortion " + brief(node.number()));
+    for (const char* key : {"radial", "kdist"})
+        if (scope[key].isArray() || scope[key].isObject())
+            for (const JsonNode& c : scope[key].items())
+                if (c.isNumber() && !isZero(c.number())) refuse(c, "lens distortion " + brief(c.number()));
+    if (scope["is_fisheye"].exists() && scope["is_fisheye"].boolean()) refuse(scope["is_fisheye"], "a fisheye lens");
+    if ((model == "PINHOLE" || model == "SIMPLE_PINHOLE") && !lens.isPinhole()) // which of the two is meant?
+        (scope["camera_model"].isString() ? scope["camera_model"] : scope["camera_type"]).fail("a camera model with a lens, or no distortion", inQuotes(model) + " beside lens distortion");
 }
 
 /// `camera_intrinsics`, in the order of the convention and of no other.
@@ -131,10 +197,32 @@ bool readFocal(const JsonNode& scope, Camera& camera, JsonNode& source)
 
 } // namespace
 
-void readIntrinsics(const JsonNode& frame, const JsonNode& top, Camera& camera)
+std::span<const CameraModel> cameraModels() { return kCameraModels; }
+
+const CameraModel* findCameraModel(const std::string& name)
 {
-    rejectDistortion(frame);
-    rejectDistortion(top);
+    for (const CameraModel& model : kCameraModels)
+        if (name == model.name) return &model;
+    return nullptr;
+}
+
+void setLens(const CameraModel& model, std::span<const double> parameters, double k[6], double p[2])
+{
+    double* const order[] = {&k[0], &k[1], &p[0], &p[1], &k[2], &k[3], &k[4], &k[5]};
+    std::fill_n(k, 6, 0.0), std::fill_n(p, 2, 0.0);
+    for (size_t i = model.lensAt; i < std::min(parameters.size(), size_t(model.count)); ++i) *order[i - model.lensAt] = parameters[i];
+}
+
+std::optional<FileCamera> fileCamera(const Camera& camera, const double k[6], const double p[2])
+{
+    FileCamera file{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
+    std::copy_n(k, 6, file.k), std::copy_n(p, 2, file.p);
+    if (std::all_of(k, k + 6, isZero) && std::all_of(p, p + 2, isZero)) return std::nullopt;
+    return file;
+}
+
+std::optional<FileCamera> readIntrinsics(const JsonNode& frame, const JsonNode& top, Camera& camera)
+{
     camera.cx = 0.5 * camera.width;
     camera.cy = 0.5 * camera.height;
     JsonNode source = frame["camera_angle_x"];
@@ -154,6 +242,9 @@ void readIntrinsics(const JsonNode& frame, const JsonNode& top, Camera& camera)
         source.fail("a principal point near the image", brief(camera.cx) + ", " + brief(camera.cy));
     if (size > 16 && camera.cx > 0 && camera.cx < 1 && camera.cy > 0 && camera.cy < 1)
         source.fail("a principal point in pixels", brief(camera.cx) + ", " + brief(camera.cy) + ", which look normalised; multiply them by width and height");
+    Lens lens;
+    readLens(top, lens), readLens(frame, lens);
+    return fileCamera(camera, lens.k, lens.p);
 }
 
 bool readSize(const DatasetSource& source, const JsonNode& frame, const JsonNode& top, const std::string& imagePath, Camera& camera)

@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -74,8 +75,24 @@ bool readSize(const DatasetSource& source, const JsonNode& frame, const JsonNode
 
 /// Focal lengths and principal point, from the frame or else from the top level. In each: `camera_intrinsics` [cx, cy, fx, fy],
 /// else `fl_x` or `camera_angle_x` and `fl_y` or `camera_angle_y` (radians), of which one is enough for square pixels; two for the same must
-/// agree. `cx`, `cy` default to the centre. Lens distortion that is not 0 is a mismatch of code kUnsupported.
-void readIntrinsics(const JsonNode& frame, const JsonNode& top, Camera& camera);
+/// agree. `cx`, `cy` default to the centre. The lens: `k1`..`k6`, `p1`, `p2` as OpenCV means them, or one of the usual lists of them; if it bends
+/// anything, how the file was taken comes back, and `camera` is a pinhole with the same size and focal lengths. Fisheyes, and whatever has other
+/// terms than these, are mismatches of code kUnsupported.
+std::optional<FileCamera> readIntrinsics(const JsonNode& frame, const JsonNode& top, Camera& camera);
+
+/// The models of COLMAP that are a pinhole and OpenCV's lens: parameters are f or fx, fy, then cx, cy, then k1, k2, p1, p2, k3..k6 as far as they go.
+struct CameraModel {
+    const char* name;
+    int id;        // in binary models
+    size_t count;  // of parameters
+    size_t lensAt; // the first of the lens
+};
+std::span<const CameraModel> cameraModels();
+const CameraModel* findCameraModel(const std::string& name); // in capitals; null if it is none of them
+void setLens(const CameraModel& model, std::span<const double> parameters, double k[6], double p[2]);
+
+/// The file of a camera that looks through such a lens; nothing if the lens bends nothing.
+std::optional<FileCamera> fileCamera(const Camera& camera, const double k[6], const double p[2]);
 
 /// Error if the headers of most files give another size than the description.
 Status checkSizes(const DatasetSource& source, const OlatDataset& dataset);

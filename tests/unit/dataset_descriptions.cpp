@@ -1,7 +1,9 @@
 // Descriptions as other programs write them: names, sizes, intrinsics, lens distortion, colour keys. The right dataset, or one clear line.
 #include "dataset_support.h"
 
+#include <array>
 #include <functional>
+#include <tuple>
 
 using namespace nacre;
 
@@ -63,30 +65,78 @@ bool warns(const OlatDataset& dataset, const char* word)
 
 } // namespace
 
-TEST_CASE("lens distortion is refused in every convention, at top level and in a frame, unless it is zero")
+TEST_CASE("lens distortion is read in every convention, at top level and in a frame, by name and from the usual lists; zero is a pinhole")
 {
-    const json distorted[] = {{{"k1", 0.3}}, {{"k2", -0.1}}, {{"k6", 0.02}}, {{"p1", 1e-3}}, {{"p2", -1e-3}}, {{"is_fisheye", true}},
-                              {{"camera_model", "OPENCV_FISHEYE"}}, {{"camera_model", "opencv_fisheye"}}, {{"camera_model", "EQUIRECTANGULAR"}},
-                              {{"distortion_params", {0, 0, 0.1, 0}}}, {{"distortion", {{"k1", 0.2}}}}, {{"dist_coeffs", {0.1, 0, 0, 0, 0}}},
-                              {{"camera", {{"k1", -0.2}}}}, {{"camera_params", {50, 50, 20, 15, 0.2, 0, 0, 0}}}, {{"radial_distortion", {0.1}}}, {{"kdist", {0.1}}}};
-    const json straight[] = {{{"k1", 0}, {"k2", 0.0}, {"p1", 0}, {"p2", 0}, {"camera_model", "OPENCV"}}, {{"camera_model", "PINHOLE"}}, {{"is_fisheye", false}},
-                             {{"distortion_params", {0, 0, 0, 0}}}, {{"k1", 1e-12}}, {{"camera_params", {50, 50, 20, 15, 0, 0}}}};
-    for (const char* convention : kConventions) {
-        for (const json& keys : distorted)
+    struct Case {
+        json keys;
+        std::array<double, 8> lens; // k1..k6, p1, p2
+    };
+    const Case cases[] = {
+        {{{"k1", 0.3}}, {0.3}},
+        {{{"k1", 1}, {"k2", 2}, {"k3", 3}, {"k4", 4}, {"k5", 5}, {"k6", 6}, {"p1", 7}, {"p2", 8}}, {1, 2, 3, 4, 5, 6, 7, 8}},
+        {{{"p1", 1e-3}, {"camera_model", "OPENCV"}}, {0, 0, 0, 0, 0, 0, 1e-3}},
+        {{{"distortion_params", {1, 2, 7, 8}}}, {1, 2, 0, 0, 0, 0, 7, 8}},
+        {{{"distortion_params", {1, 2, 3, 0, 7, 8}}}, {1, 2, 3, 0, 0, 0, 7, 8}},
+        {{{"dist_coeffs", {1, 2, 7, 8, 3}}}, {1, 2, 3, 0, 0, 0, 7, 8}},
+        {{{"distortion_coefficients", {1, 2, 7, 8, 3, 4, 5, 6, 0, 0, 0, 0}}}, {1, 2, 3, 4, 5, 6, 7, 8}},
+        {{{"distortion", {{"k1", 0.2}}}}, {0.2}},
+        {{{"camera", {{"k1", -0.2}}}}, {-0.2}},
+        {{{"radial_distortion", {1, 2, 3}}, {"tangential_distortion", {7, 8}}}, {1, 2, 3, 0, 0, 0, 7, 8}},
+        {{{"camera_model", "SIMPLE_RADIAL"}, {"camera_params", {50, 20, 15, 0.5}}}, {0.5}},
+        {{{"camera_model", "radial"}, {"camera_params", {50, 20, 15, 1, 2}}}, {1, 2}},
+        {{{"camera_model", "OPENCV"}, {"camera_params", {50, 50, 20, 15, 1, 2, 7, 8}}}, {1, 2, 0, 0, 0, 0, 7, 8}},
+        {{{"camera_model", "FULL_OPENCV"}, {"camera_params", {50, 50, 20, 15, 1, 2, 7, 8, 3, 4, 5, 6}}}, {1, 2, 3, 4, 5, 6, 7, 8}},
+        {{{"k1", 0}, {"k2", 0.0}, {"p1", 0}, {"p2", 0}, {"camera_model", "OPENCV"}}, {}},
+        {{{"camera_model", "PINHOLE"}}, {}},
+        {{{"is_fisheye", false}}, {}},
+        {{{"distortion_params", {0, 0, 0, 0}}}, {}},
+        {{{"k1", 1e-12}}, {}},
+        {{{"camera_params", {50, 50, 20, 15, 0, 0}}}, {}},
+    };
+    for (const char* convention : kConventions)
+        for (const Case& c : cases)
+            for (const bool inFrame : {false, true}) {
+                Sample sample(convention);
+                (inFrame ? sample.frame : sample.top).update(c.keys);
+                INFO(convention << " " << c.keys.dump());
+                const OlatDataset dataset = sample.mustLoad();
+                const OlatSplit& split = dataset.splits[0];
+                if (c.lens == std::array<double, 8>{}) {
+                    CHECK(split.files.empty());
+                    continue;
+                }
+                REQUIRE(split.files.size() == split.cameras.size());
+                const FileCamera& file = split.files[0];
+                const Camera& camera = split.cameras[0];
+                for (size_t i = 0; i < 8; ++i) CHECK((i < 6 ? file.k[i] : file.p[i - 6]) == c.lens[i]);
+                CHECK(std::tuple(file.width, file.height, file.fx, file.fy, file.cx, file.cy) ==
+                      std::tuple(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy));
+            }
+    Sample sample("canonical");
+    sample.top["k1"] = 0.3, sample.top["k2"] = 0.1, sample.frame["k1"] = 0.2; // a frame's key is over that of the top level
+    CHECK(sample.mustLoad().splits[0].files[0].k[0] == 0.2);
+    CHECK(sample.mustLoad().splits[0].files[0].k[1] == 0.1);
+}
+
+TEST_CASE("what is no pinhole with OpenCV's lens, or may mean two lenses, is refused by name")
+{
+    const json refused[] = {{{"is_fisheye", true}}, {{"camera_model", "OPENCV_FISHEYE"}}, {{"camera_model", "opencv_fisheye"}}, {{"camera_model", "EQUIRECTANGULAR"}},
+                            {{"camera_type", "THIN_PRISM_FISHEYE"}}, {{"s1", 0.1}}, {{"p3", 1e-3}}, {{"k4", 0.1}}, {{"kdist", {0.1}}},
+                            {{"camera_params", {50, 50, 20, 15, 0.2, 0, 0, 0}}}, {{"distortion_params", {0, 0, 0, 0.1, 0, 0}}},
+                            {{"dist_coeffs", {0, 0, 0, 0, 0, 0, 0, 0, 0.1}}}, {{"radial_distortion", {0, 0, 0, 0.1}}}};
+    for (const char* convention : kConventions)
+        for (const json& keys : refused)
             for (const bool inFrame : {false, true}) {
                 Sample sample(convention);
                 (inFrame ? sample.frame : sample.top).update(keys);
                 const Result<OlatDataset> dataset = sample.load();
                 INFO(convention << " " << keys.dump());
                 REQUIRE(!dataset);
-                checkError(dataset.error(), ErrorCode::kUnsupported, {"undistort", keys.begin().key().c_str()});
+                checkError(dataset.error(), ErrorCode::kUnsupported, {inFrame ? "frames[0]" : "transforms_train.json"});
             }
-        for (const json& keys : straight) {
-            Sample sample(convention);
-            sample.top.update(keys);
-            sample.mustLoad();
-        }
-    }
+    Sample both("canonical");
+    both.top["camera_model"] = "PINHOLE", both.top["k1"] = 0.1;
+    checkError(both.load().error(), ErrorCode::kBadInput, {"PINHOLE", "distortion"});
 }
 
 TEST_CASE("focal lengths come from any of the usual keys; two that disagree, the wrong order and the wrong unit are refused by name")

@@ -133,7 +133,7 @@ TEST_CASE("folders that are no dataset say so")
     checkError(noDescription.error(), ErrorCode::kBadInput, {"olat_1"});
 }
 
-TEST_CASE("BiGS data with lens distortion or 8-bit images is unsupported, not misread")
+TEST_CASE("BiGS data with a fisheye or 8-bit images is unsupported, not misread")
 {
     TempFolder folder;
     std::filesystem::create_directories(folder.path / "olat_1");
@@ -149,11 +149,11 @@ TEST_CASE("BiGS data with lens distortion or 8-bit images is unsupported, not mi
     Result<OlatDataset> good = load();
     if (!good) FAIL(good.error().message);
     CHECK(good->up == glm::vec3(0, 1, 0));
-    top["frames"][0]["k2"] = 0.01;
+    top["camera_model"] = "OPENCV_FISHEYE";
     Result<OlatDataset> distorted = load();
     REQUIRE(!distorted);
-    checkError(distorted.error(), ErrorCode::kUnsupported, {"k2", "distortion", "undistort"});
-    top["frames"][0]["k2"] = 0;
+    checkError(distorted.error(), ErrorCode::kUnsupported, {"OPENCV_FISHEYE", "undistort"});
+    top.erase("camera_model");
     top["frames"][0]["file_path"] = "a.png";
     Result<OlatDataset> png = load();
     REQUIRE(!png);

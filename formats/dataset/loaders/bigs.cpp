@@ -7,13 +7,22 @@
 // Images: linear EXR, straight alpha. World +Y up.
 // Splits: the published sets light every training camera with each training light and give each test light one camera of its own;
 // so a light folder with more than one camera belongs to "train", with one camera to "test". olat_all_on (all lights at once, for
-// the authors' geometry stage) is not used. Masks are not used: coverage is the alpha of the EXR.
+// the authors' geometry stage) is not used. Coverage is the alpha of the EXR, within obj_mask_path (above 0: the object) where that file is there.
 #include "dataset/loader.h"
+
+#include <filesystem>
 
 namespace nacre {
 namespace {
 
 const glm::vec3 kWorldFromLightFrame(-1.0f, 1.0f, -1.0f);
+
+std::string maskOf(const DatasetSource& source, const std::string& folder, const JsonNode& node)
+{
+    if (!node.isString()) return "";
+    const std::string path = (std::filesystem::path(source.path) / folder / node.string()).lexically_normal().string();
+    return source.fileExists(path) ? path : ""; // what alpha says is enough
+}
 
 } // namespace
 
@@ -35,20 +44,23 @@ Status loadBigs(const DatasetSource& source, OlatDataset& out)
                 return Error{ErrorCode::kUnsupported, description.json.name() + ": " + frame["file_path"].where() +
                                                           ": expected a linear .exr, found " + inQuotes(path)};
             Camera camera;
-            if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
+            std::optional<FileCamera> file;
+            if (readSize(source, frame, top, path, camera)) file = readIntrinsics(frame, top, camera);
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
             Light light;
             readLightPosition(frame["light"]["position"], light);
             light.position *= kWorldFromLightFrame, light.positionRest *= kWorldFromLightFrame;
             light.intensity = readIntensity(frame["light"]["intensity"]);
             if (description.json.failed()) return description.json.error();
-            folder.add(camera, light, path);
+            folder.add(camera, {0, light, path, maskOf(source, description.folder, frame["obj_mask_path"])}, file);
         }
         if (description.json.failed()) return description.json.error();
         if (folder.split.images.empty())
             return Error{ErrorCode::kBadInput, description.json.name() + ": no frames, expected at least one image of this light"};
         SplitBuilder& target = folder.split.cameras.size() > 1 ? train : test;
-        for (const OlatImage& image : folder.split.images) target.add(folder.split.cameras[image.camera], image.light, image.path);
+        for (const OlatImage& image : folder.split.images)
+            target.add(folder.split.cameras[image.camera], image,
+                       folder.split.files.empty() ? std::nullopt : std::optional(folder.split.files[image.camera]));
     }
     for (SplitBuilder* builder : {&train, &test})
         if (!builder->split.images.empty()) out.splits.push_back(std::move(builder->split));

@@ -74,12 +74,13 @@ Status loadCanonical(const DatasetSource& source, OlatDataset& out)
         const auto allOn = readAllOn(source, top["lights"]);
         for (const JsonNode& frame : description.frames().items()) {
             Camera camera;
+            std::optional<FileCamera> file;
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
             const std::string path = findImage(source, "", frame["file_path"].string(), frame["file_path"]);
-            if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
+            if (readSize(source, frame, top, path, camera)) file = readIntrinsics(frame, top, camera);
             OlatImage image{0, readLight(source, frame["light"], allOn), path};
             readPhotograph(source, "", frame, top, image);
-            builder.add(camera, std::move(image), std::nullopt);
+            builder.add(camera, std::move(image), file);
             if (description.json.failed()) return description.json.error();
         }
         if (description.json.failed()) return description.json.error();

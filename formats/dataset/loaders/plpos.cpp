@@ -80,7 +80,8 @@ Status loadPlpos(const DatasetSource& source, OlatDataset& out)
             if (description.json.failed()) return description.json.error();
 
             Camera camera;
-            if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
+            std::optional<FileCamera> lens;
+            if (readSize(source, frame, top, path, camera)) lens = readIntrinsics(frame, top, camera);
             camera.worldFromCamera = frame["R_opt"].exists() ? readRefinedPose(frame["R_opt"], frame["T_opt"]) : readPose(frame["transform_matrix"]);
             if (frame["light"].exists()) frame["light"].fail("one light for a frame", "light beside pl_pos; leave one of them out");
             Light light;
@@ -90,7 +91,9 @@ Status loadPlpos(const DatasetSource& source, OlatDataset& out)
                 withIntensity++;
                 light.intensity = readIntensity(frame["pl_intensity"]) * float(1.0 / (4.0 * std::numbers::pi));
             }
-            builder.add(camera, light, path);
+            OlatImage image{0, light, path};
+            readPhotograph(source, "", frame, top, image);
+            builder.add(camera, std::move(image), lens);
             if (description.json.failed()) return description.json.error();
         }
         if (description.json.failed()) return description.json.error();

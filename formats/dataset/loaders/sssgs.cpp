@@ -50,6 +50,7 @@ Status loadSssgs(const DatasetSource& source, OlatDataset& out)
         SplitBuilder builder(description.split);
         for (const JsonNode& frame : description.frames().items()) {
             Camera camera;
+            std::optional<FileCamera> lens;
             camera.worldFromCamera = readPose(frame["transform_matrix"]);
             const std::vector<JsonNode> files = frame["file_paths"].items(), positions = frame["light_positions"].items();
             const std::vector<JsonNode> gains = frame["light_intensities"].exists() ? frame["light_intensities"].items() : std::vector<JsonNode>();
@@ -75,9 +76,9 @@ Status loadSssgs(const DatasetSource& source, OlatDataset& out)
                 light.intensity = gains.empty() ? glm::vec3(1.0f) : readIntensity(gains[i]);
                 const std::string path = findImage(source, "", file, files[i], ".png");
                 if (camera.width == 0) { // once for all lights of the frame
-                    if (readSize(source, frame, top, path, camera)) readIntrinsics(frame, top, camera);
+                    if (readSize(source, frame, top, path, camera)) lens = readIntrinsics(frame, top, camera);
                 }
-                builder.add(camera, light, path);
+                builder.add(camera, {0, light, path}, lens);
                 if (description.json.failed()) return description.json.error();
             }
         }
