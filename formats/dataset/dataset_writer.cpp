@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <tuple>
 
 namespace nacre {
@@ -150,7 +151,7 @@ Result<OlatDataset> fitToConvention(OlatDataset dataset, const std::string& conv
 
 Status writeDatasetImage(const OlatDataset& dataset, const Image& image, const std::string& path)
 {
-    if (dataset.colorSpace == ColorSpace::kSrgb) return writePng(path, image.width, image.height, 4, displayBytes(image));
+    if (std::filesystem::path(path).extension() == ".png") return writePng(path, image.width, image.height, 4, displayBytes(image));
     return dataset.premultiplied ? writeExr(image, path) : writeExr(straightAlpha(image), path);
 }
 

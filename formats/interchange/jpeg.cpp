@@ -9,8 +9,10 @@
 #include "base/text.h"
 
 #include <algorithm>
+#include <cassert>
 #include <csetjmp>
 #include <cstdio> // jpeglib.h needs it
+#include <cstdlib>
 #include <cstring>
 #include <jerror.h>
 #include <jpeglib.h>
@@ -222,6 +224,33 @@ Result<Image> readJpegSize(const std::string& path)
         if (count >= start->fileSize || count > (size_t(1) << 16)) return header.error();
     }
     return Error{ErrorCode::kBadInput, path + ": JPEG: no size"};
+}
+
+Status writeJpeg(const std::string& path, int width, int height, std::span<const uint8_t> rgb, int quality)
+{
+    assert(width > 0 && height > 0 && width <= JPEG_MAX_DIMENSION && height <= JPEG_MAX_DIMENSION && rgb.size() == size_t(3) * size_t(width) * size_t(height));
+    jpeg_compress_struct info;
+    jpeg_error_mgr errors;
+    info.err = jpeg_std_error(&errors); // ends the process, which can only be for want of memory
+    jpeg_create_compress(&info);
+    unsigned char* bytes = nullptr;
+    unsigned long size = 0;
+    jpeg_mem_dest(&info, &bytes, &size);
+    info.image_width = JDIMENSION(width), info.image_height = JDIMENSION(height);
+    info.input_components = 3;
+    info.in_color_space = JCS_RGB;
+    jpeg_set_defaults(&info);
+    jpeg_set_quality(&info, quality, TRUE);
+    jpeg_start_compress(&info, TRUE);
+    for (int y = 0; y < height; ++y) {
+        JSAMPROW row = const_cast<JSAMPROW>(rgb.data() + size_t(3) * size_t(width) * size_t(y));
+        jpeg_write_scanlines(&info, &row, 1);
+    }
+    jpeg_finish_compress(&info);
+    const Status written = writeFileAtomically(path, std::as_bytes(std::span(bytes, size)));
+    jpeg_destroy_compress(&info);
+    std::free(bytes);
+    return written;
 }
 
 } // namespace nacre

@@ -1,4 +1,4 @@
-// JPEG in through libjpeg. Only jpeg.cpp knows the library.
+// JPEG in and out through libjpeg. Only jpeg.cpp knows the library.
 #pragma once
 
 #include "base/image.h"
@@ -33,5 +33,8 @@ Result<Image> readJpeg(const std::string& path, JpegHeader* header = nullptr);
 
 /// Width and height only, from the start of the file: `rgba` stays empty.
 Result<Image> readJpegSize(const std::string& path);
+
+/// Colour JPEG from display-encoded RGB bytes, rows top to bottom, with colours at half the resolution as cameras write them; `quality` 1 to 100. Written atomically.
+Status writeJpeg(const std::string& path, int width, int height, std::span<const uint8_t> rgb, int quality);
 
 } // namespace nacre
