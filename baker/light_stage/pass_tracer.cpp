@@ -8,6 +8,7 @@
 
 #include "base/hash.h"
 #include "dataset/environment_map.h"
+#include "light_stage/capture_camera.h"
 #include "light_stage/random_walk.h"
 
 #include <algorithm>
@@ -22,20 +23,26 @@ constexpr int kMaxClearSurfaces = 256; // straight through alpha and index-match
 
 } // namespace
 
-float PassTracer::trace(const Camera& camera, int x, int y, uint32_t passSeed, float* radiance)
+PixelRays raysOf(const Camera& camera, const std::optional<FileCamera>& lens, int x, int y)
+{
+    if (!lens)
+        return {{float((x - camera.cx) / camera.fx), float((camera.cy - y) / camera.fy), -1.0f}, {float(1.0 / camera.fx), 0, 0}, {0, -float(1.0 / camera.fy), 0}};
+    const glm::dvec2 corner = lookedAt(*lens, x, y);
+    return {{corner, -1.0f}, {lookedAt(*lens, x + 1, y) - corner, 0}, {lookedAt(*lens, x, y + 1) - corner, 0}};
+}
+
+float PassTracer::trace(const Camera& camera, const PixelRays& rays, uint32_t passSeed, float* radiance)
 {
     coverage_ = 0.0f;
     const glm::vec3 eye(camera.position());
     const glm::mat3 rotation(camera.worldFromCamera);
-    const glm::vec3 corner(float((x - camera.cx) / camera.fx), float((camera.cy - y) / camera.fy), -1.0f);
-    const float pixelWidth = float(1.0 / camera.fx), pixelHeight = float(1.0 / camera.fy);
     for (int i = 0; i < kLanes; ++i) {
         Lane& lane = lanes_[size_t(i)];
         lane.sampler = {passSeed, uint32_t(i)};
         lane.rng = Rng((uint64_t(passSeed) << 32) | hashBits(uint32_t(i) + 0x51ed270bu));
         const glm::vec2 jitter = lane.sampler.get2(0);
         lane.origin = eye;
-        lane.direction = glm::normalize(rotation * glm::vec3(corner.x + jitter.x * pixelWidth, corner.y - jitter.y * pixelHeight, corner.z));
+        lane.direction = glm::normalize(rotation * (rays.corner + jitter.x * rays.right + jitter.y * rays.down));
         lane.throughput = glm::vec3(1.0f);
         lane.pdf = lane.nearDistance = 0.0f;
         lane.medium = -1;
@@ -278,6 +285,7 @@ void PassTracer::lightDeltas(bool coherent, float* radiance)
                 const float falloff = light.point ? sqr(0.9999f / reach[i]) : 1.0f;
                 f = v.throughput * v.evaluateForLamp(w, state_) * falloff;
             }
+            if (light.beam > 0.0f) f *= std::pow(std::max(0.0f, -glm::dot(w, light.axis)), light.beam);
             if (!(f.x + f.y + f.z > 0.0f)) continue;
             const glm::vec3 origin = v.originTowards(w, state_.offset);
             ++counters.shadowRays;
@@ -416,7 +424,8 @@ Result<LightSet> gatherLights(std::span<const Light> lights)
         } else if (l.type == LightType::kDirectional) {
             set.deltas.push_back({false, glm::normalize(l.directionToLight), l.intensity, i});
         } else if (l.type == LightType::kEnvironment) {
-            const Result<Image> map = readEnvironmentMap(l.environmentPath);
+            static const Image kUniform{2, 1, std::vector<float>(8, 1.0f)};
+            const Result<Image> map = l.environmentPath.empty() ? kUniform : readEnvironmentMap(l.environmentPath);
             if (!map) return map.error();
             set.maps.push_back({EnvironmentLight(*map, l.intensity), i});
         } else {

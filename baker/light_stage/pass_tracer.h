@@ -17,6 +17,8 @@ struct LightSet {
         glm::vec3 place; // position, or direction to the light
         glm::vec3 intensity;
         size_t image;
+        glm::vec3 axis{0.0f}; // of a point, where StageOptics has a beam
+        float beam = 0.0f;
     };
     struct Map {
         EnvironmentLight light;
@@ -25,6 +27,12 @@ struct LightSet {
     std::vector<Delta> deltas;
     std::vector<Map> maps;
 };
+
+/// The rays of a pixel: from its top-left corner, in the camera's frame, by the offsets that a step of a pixel right and down makes.
+struct PixelRays {
+    glm::vec3 corner, right, down;
+};
+PixelRays raysOf(const Camera& camera, const std::optional<FileCamera>& lens, int x, int y);
 
 /// Fills a set. Errors kBadInput: a map that cannot be read; kUnsupported: a group.
 Result<LightSet> gatherLights(std::span<const Light> lights);
@@ -66,7 +74,7 @@ public:
     }
 
     /// Adds the pass's radiance, summed over its samples, to `radiance` (3 floats per image); returns how many samples hit the object.
-    float trace(const Camera& camera, int x, int y, uint32_t passSeed, float* radiance);
+    float trace(const Camera& camera, const PixelRays& rays, uint32_t passSeed, float* radiance);
 
     Counters counters;
 

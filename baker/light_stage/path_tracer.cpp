@@ -65,6 +65,8 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
     const auto start = std::chrono::steady_clock::now();
     Result<LightSet> set = gatherLights(lights);
     if (!set) return set.error();
+    for (LightSet::Delta& light : set->deltas)
+        if (light.point) light.axis = -glm::vec3(camera.worldFromCamera[2]), light.beam = settings.optics.beam;
     const size_t pixels = size_t(camera.width) * size_t(camera.height), lightCount = lights.size();
     const int passes = std::max(1, (settings.samplesPerPixel + kLanes - 1) / kLanes);
     Film film(pixels, lightCount);
@@ -87,10 +89,10 @@ Result<std::vector<Image>> PathTracer::render(const Camera& camera, std::span<co
             std::vector<float> radiance(lightCount * 3);
             for (size_t p = range.begin(); p < range.end(); ++p) {
                 const uint32_t pixelSeed = hashCombine(imageSeed, uint32_t(p));
+                const PixelRays rays = raysOf(camera, settings.optics.lens, int(p % size_t(camera.width)), int(p / size_t(camera.width)));
                 for (int pass = first; pass < last; ++pass) {
                     std::fill(radiance.begin(), radiance.end(), 0.0f);
-                    const int x = int(p % size_t(camera.width)), y = int(p / size_t(camera.width));
-                    const float hits = tracer.trace(camera, x, y, hashCombine(pixelSeed, uint32_t(pass)), radiance.data());
+                    const float hits = tracer.trace(camera, rays, hashCombine(pixelSeed, uint32_t(pass)), radiance.data());
                     film.add(p, radiance.data(), hits);
                 }
             }

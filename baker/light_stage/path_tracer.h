@@ -6,6 +6,7 @@
 #include "base/image.h"
 #include "base/light.h"
 #include "base/result.h"
+#include "dataset/olat_dataset.h"
 #include "light_stage/hair_strands.h"
 #include "mesh/mesh_scene.h"
 
@@ -13,6 +14,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -48,6 +50,12 @@ struct StageScene {
     float unitsPerMetre = 1.0f;
 };
 
+/// What real cameras and lamps have that a pinhole and a point have not.
+struct StageOptics {
+    std::optional<FileCamera> lens; // in place of the camera's intrinsics
+    float beam = 0.0f;              // intensity of points falls as cos^beam from the direction in which the camera looks
+};
+
 struct RenderSettings {
     int samplesPerPixel = 64;      // rounded up to a multiple of kSamplesPerPass
     float noiseTarget = 0.0f;      // > 0: stop before samplesPerPixel when every image's estimated error is below it (RenderStats::noise)
@@ -59,6 +67,7 @@ struct RenderSettings {
     /// 0 switches it off (unbiased, noisy).
     float indirectRoughness = 0.25f;
     int maxBounces = 64;           // path vertices on surfaces; Russian roulette ends most paths long before
+    StageOptics optics;
     int threads = 0;               // 0: all
     const std::atomic<bool>* stop = nullptr;            // polled; a stopped render is an error kCancelled
     std::function<void(double fraction)> progress;      // called from one thread at a time, fraction of the samples done
@@ -89,7 +98,8 @@ public:
     PathTracer& operator=(PathTracer&&) noexcept;
     ~PathTracer();
 
-    /// One image per light, linear premultiplied radiance over black, alpha = coverage. Lights of any type may be mixed.
+    /// One image per light, linear premultiplied radiance over black, alpha = coverage. Lights of any type may be mixed; an environment
+    /// without a map has its intensity's radiance all around.
     /// Errors: kBadInput (environment map), kCancelled.
     Result<std::vector<Image>> render(const Camera& camera, std::span<const Light> lights, const RenderSettings& settings,
                                       RenderStats* stats = nullptr) const;

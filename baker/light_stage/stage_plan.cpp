@@ -242,14 +242,14 @@ OlatSplit planSplit(const Stage& stage, const std::string& name)
     });
 }
 
-double focalPixels(const StageOptions& o)
+} // namespace
+
+double stageFocalPixels(const StageOptions& o)
 {
     if (o.fovDegrees > 0) return 0.5 * o.width / std::tan(0.5 * o.fovDegrees * kPi / 180.0);
     const double d = o.cameraDistance, tanOfSphere = 1.0 / std::sqrt(d * d - 1.0);
     return 0.5 * std::min(o.width, o.height) * kFill / tanOfSphere;
 }
-
-} // namespace
 
 const std::vector<std::string>& stageSplits()
 {
@@ -272,7 +272,7 @@ Status checkStage(const StageOptions& o)
 OlatDataset planStage(const StageOptions& options, const std::vector<std::string>& splits)
 {
     assert(checkStage(options));
-    const Stage stage{options, focalPixels(options), trainCameraDirections(options), stageLightDirections(options)};
+    const Stage stage{options, stageFocalPixels(options), trainCameraDirections(options), stageLightDirections(options)};
     OlatDataset dataset;
     dataset.up = {0, 0, 1};
     for (const std::string& name : stageSplits()) {

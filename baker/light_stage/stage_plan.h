@@ -51,6 +51,9 @@ OlatDataset planStage(const StageOptions& options, const std::vector<std::string
 /// Error kBadInput: a number out of range, more lights per camera than lights, an unknown layout of sizes.
 Status checkStage(const StageOptions& options);
 
+/// The focal length of the stage's cameras.
+double stageFocalPixels(const StageOptions& options);
+
 /// A camera at `position` that looks at `target`, with +Z up in the picture.
 Camera lookAt(const glm::dvec3& position, const glm::dvec3& target, int width, int height, double focalPixels);
 
