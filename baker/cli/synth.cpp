@@ -1,11 +1,14 @@
 // nacre synth: a glTF mesh in, an OLAT dataset out, rendered by the light stage.
 #include "cli.h"
 
+#include "capture_spec.h"
+
 #include "base/file.h"
 #include "base/hash.h"
 #include "dataset/dataset_writer.h"
 #include "interchange/gltf.h"
 #include "light_stage/placement.h"
+#include "light_stage/surroundings.h"
 #include "light_stage/synth.h"
 #include "stage_spec.h"
 #include "synth_plan.h"
@@ -54,8 +57,10 @@ static Result<std::vector<SubsurfaceOverride>> readSubsurface(const SynthArgumen
 }
 
 /// train and all_on get --spp, splits to measure against get --test-spp and half the noise.
-static SynthJob makeJob(const SynthArguments& args, OlatDataset plan, const Placement& placement, int testSamples, Shard shard)
+static SynthJob makeJob(const SynthArguments& args, OlatDataset plan, const Placement& placement, int testSamples, Shard shard,
+                        const std::optional<CaptureOptions>& capture)
 {
+    const std::string captureText = capture ? textOf(*capture) : "";
     SynthJob job;
     Json matrix = Json::array();
     for (int r = 0; r < 4; ++r) {
@@ -70,13 +75,14 @@ static SynthJob makeJob(const SynthArguments& args, OlatDataset plan, const Plac
         render.seed = args.stage.seed;
         render.indirectRoughness = float(args.indirectRoughness);
         render.threads = std::min(args.threads, int(std::thread::hardware_concurrency()));
-        const Json top{{"object", fs::path(args.mesh).stem().string()},
+        Json top{{"object", fs::path(args.mesh).stem().string()},
                        {"renderer", "Nacre light stage " NACRE_VERSION_STRING},
                        {"seed", args.stage.seed},
                        {"samples_per_pixel", render.samplesPerPixel},
                        {"noise_target", render.noiseTarget},
                        {"world_from_mesh", matrix}};
-        job.splits.push_back({render, top.dump(-1, ' ', false, Json::error_handler_t::replace)});
+        if (capture) top["capture"] = captureText;
+        job.splits.push_back({render, top.dump(-1, ' ', false, Json::error_handler_t::replace), nullptr, {}});
     }
     job.plan = std::move(plan);
     job.plan.path = args.output;
@@ -121,7 +127,8 @@ static Result<StageObject> loadObject(const SynthArguments& args)
 }
 
 /// Everything that pixels depend on; --splits, --shard and --threads are free to differ between runs.
-static Result<SynthSettings> settingsOf(const SynthArguments& args, const StageWork& work, const StageObject& object, int testSamples)
+static Result<SynthSettings> settingsOf(const SynthArguments& args, const StageWork& work, const StageObject& object, int testSamples,
+                                        const std::optional<CaptureOptions>& capture)
 {
     const StageOptions& s = args.stage;
     const bool own = args.like.empty();
@@ -156,6 +163,7 @@ static Result<SynthSettings> settingsOf(const SynthArguments& args, const StageW
         {"--sss", scattering},
         {"--fur", object.fur ? textOf(*object.fur) : ""},
         {"--keep-scale", args.keepScale ? "yes" : "no"},
+        {"--capture", capture ? textOf(*capture) : ""},
     };
 }
 
@@ -173,7 +181,7 @@ static Status checkPlacement(const Placement& p)
     return ok();
 }
 
-static Result<PathTracer> putOnStage(StageObject object, const Placement& placement)
+static Result<PathTracer> putOnStage(StageObject object, const Placement& placement, bool surroundings)
 {
     StageScene scene;
     transformMesh(object.mesh, placement);
@@ -182,10 +190,24 @@ static Result<PathTracer> putOnStage(StageObject object, const Placement& placem
     scene.hair = std::move(object.hair);
     scene.subsurface = std::move(object.subsurface);
     scene.unitsPerMetre = float(placement.unitsPerMetre);
+    if (surroundings) addSurroundings(scene);
     auto tracer = PathTracer::create(std::move(scene));
-    if (tracer)
+    if (tracer && !surroundings) // whose scene is there without them, too
         for (const std::string& line : tracer->warnings()) warn(line);
     return tracer;
+}
+
+/// Without --capture: nothing.
+static Result<std::optional<CaptureOptions>> readCaptureOptions(SynthArguments& args)
+{
+    if (args.capture.empty()) return std::optional<CaptureOptions>();
+    const auto capture = parseCapture(args.capture);
+    if (!capture) return capture.error();
+    if (args.convention != "canonical") return Error{ErrorCode::kBadInput, "--capture: only the canonical convention can say what is known of photographs"};
+    if (capture->kind != CaptureKind::kPhone) return std::optional(*capture);
+    if (!args.like.empty()) return Error{ErrorCode::kBadInput, "--capture phone chooses its own cameras and lights; leave --like out"};
+    if (!args.hasCameras) args.stage.cameras = 500;
+    return std::optional(*capture);
 }
 
 static Status runSynth(SynthArguments args)
@@ -197,6 +219,8 @@ static Status runSynth(SynthArguments args)
     const auto testSamples = parseTestSamples(args.testSamples, args.samples);
     if (!testSamples) return testSamples.error();
     const bool own = args.like.empty();
+    const auto capture = readCaptureOptions(args);
+    if (!capture) return capture.error();
     if (own)
         if (Status s = readStageOptions(args); !s) return s;
     for (const std::string& map : args.stage.environments)
@@ -209,9 +233,9 @@ static Status runSynth(SynthArguments args)
     if (!object) return object.error();
     if (own) {
         warnIfCut(args.stage);
-        work = planOwn(args, placeMesh(object->mesh, object->hair, work->plan.up, !args.keepScale));
+        work = planOwn(args, placeMesh(object->mesh, object->hair, work->plan.up, !args.keepScale), *capture);
     }
-    const auto settings = settingsOf(args, *work, *object, *testSamples);
+    const auto settings = settingsOf(args, *work, *object, *testSamples, *capture);
     if (!settings) return settings.error();
     if (Status s = keepSplits(work->plan, args.splits); !s) return s;
     auto plan = fitToConvention(std::move(work->plan), args.convention);
@@ -222,24 +246,46 @@ static Status runSynth(SynthArguments args)
     const Placement placement = placeMesh(object->mesh, object->hair, plan->up, !args.keepScale);
     if (Status s = checkPlacement(placement); !s) return s;
     const size_t triangles = object->mesh.triangleCount(), fibres = object->hair.segmentCount();
-    const auto tracer = putOnStage(std::move(*object), placement);
+    const bool photographed = *capture && !(*capture)->clean && plan->find("train");
+    std::optional<PathTracer> withSurroundings;
+    if (photographed && (*capture)->kind == CaptureKind::kPhone) {
+        auto more = putOnStage(*object, placement, true);
+        if (!more) return more.error();
+        withSurroundings = std::move(*more);
+    }
+    const auto tracer = putOnStage(std::move(*object), placement, false);
     if (!tracer) return tracer.error();
+    std::shared_ptr<const Capture> taken;
+    if (photographed) {
+        auto planned = planCapture(**capture, *plan, placement.center, placement.radius, args.stage.seed);
+        if (!planned) return planned.error();
+        taken = std::make_shared<const Capture>(std::move(*planned));
+    }
 
     if (Status s = claimDatasetFolder(args.output, *settings); !s) return s;
     if (Status s = writeMaps(args.output, *plan, work->maps); !s) return s;
-    const SynthJob job = makeJob(args, std::move(*plan), placement, *testSamples, *shard);
+    SynthJob job = makeJob(args, std::move(*plan), placement, *testSamples, *shard, *capture);
     Progress progress;
     size_t done = 0, count = 0;
-    const auto render = [&](const Camera& camera, std::span<const Light> lights, const RenderSettings& s, RenderStats* stats) {
-        std::vector<Light> staged;
-        for (const Light& light : lights) staged.push_back(onStage(light, placement));
-        return tracer->render(onStage(camera, placement), staged, s, stats);
+    const auto renderWith = [&placement](const PathTracer& scene) -> StageRender {
+        return [&](const Camera& camera, std::span<const Light> lights, const RenderSettings& s, RenderStats* stats) {
+            std::vector<Light> staged;
+            for (const Light& light : lights) staged.push_back(onStage(light, placement));
+            return scene.render(onStage(camera, placement), staged, s, stats);
+        };
     };
+    if (taken) {
+        const auto train = size_t(job.plan.find("train") - job.plan.splits.data());
+        job.splits[train].capture = taken;
+        if (withSurroundings) job.splits[train].renderer = renderWith(*withSurroundings);
+        const std::string truth = truthText(*taken, job.plan.splits[train]);
+        if (Status s = writeFileAtomically((fs::path(args.output) / "truth.json").string(), std::as_bytes(std::span(truth))); !s) return s;
+    }
     const auto show = [&](const SynthProgress& p) {
         done = p.imagesDone, count = p.imageCount;
         progress.show(format("synth %zu/%zu images, split %s, %s left", done, count, p.split.c_str(), clockText(p.secondsLeft).c_str()));
     };
-    const auto report = synthesise(job, render, show, &stop);
+    const auto report = synthesise(job, renderWith(*tracer), show, &stop);
     progress.clear();
     if (!report) {
         if (report.error().code != ErrorCode::kCancelled) return report.error();
@@ -267,7 +313,8 @@ Action addSynth(CLI::App& app)
     sub->add_option("-o,--output", args->output, "Folder of the dataset; one that was begun before is completed")->required();
     auto* like = sub->add_option("--like", args->like, "Take cameras, lights and splits from this dataset instead");
     const auto ofStage = [&](CLI::Option* option) { return option->excludes(like); };
-    ofStage(sub->add_option("--cameras", s.cameras, "Cameras of train")->check(wholeNumber(1, 1000000))->capture_default_str());
+    auto* cameras = sub->add_option("--cameras", s.cameras, "Cameras of train (--capture phone: 500)");
+    ofStage(cameras->check(wholeNumber(1, 1000000))->capture_default_str());
     ofStage(sub->add_option("--lights", s.lights, "Lights of the stage")->check(wholeNumber(1, 1000000))->capture_default_str());
     ofStage(sub->add_option("--lights-per-camera", args->lightsPerCamera, "Images of each train camera, or 'all'")->capture_default_str());
     ofStage(sub->add_option("--layout", args->layout, "Where the lights are: rings of equal size, equal areas, or a grid of equal areas")
@@ -302,9 +349,14 @@ Action addSynth(CLI::App& app)
     sub->add_option("--sss-file", args->subsurfaceFile, "The same as JSON: [{\"material\": ..., \"albedo\": ..., \"mfp\": ...}]");
     sub->add_option("--fur", args->fur, "DENSITY,LENGTH,RADIUS: grow fibres, per square metre and in metres, coloured as the surface beneath;\n"
                                         "then :material=NAME, :variation=, :tip=, :lean=, :disorder=, :clump=, each 0 to 1");
+    sub->add_option("--capture", args->capture, "stage | phone, then :KEY=VALUE,...: photographs in place of renders for train, with errors of stated sizes; the truth\n"
+                                                "goes to truth.json\n" + captureKeys());
     sub->add_flag("--keep-scale", args->keepScale, "Leave the mesh in its own units and place; else its bounding sphere becomes the unit sphere");
     sub->add_option("--json", args->json, "Write the figures of the report to this file");
-    return [args] { return runSynth(*args); };
+    return [args, cameras] {
+        args->hasCameras = cameras->count() > 0;
+        return runSynth(*args);
+    };
 }
 
 } // namespace nacre::cli

@@ -10,13 +10,13 @@
 namespace nacre::cli {
 
 struct SynthArguments {
-    std::string mesh, output, like, json, subsurfaceFile, fur;
+    std::string mesh, output, like, json, subsurfaceFile, fur, capture;
     std::string lightsPerCamera = "4", layout = "rings", hemisphere = "upper", size, testSamples = "4x", convention = "canonical", shard = "1/1";
     std::vector<std::string> splits, subsurface;
     StageOptions stage;
     int samples = 64, threads = 0;
     double noise = 0, indirectRoughness = double(RenderSettings().indirectRoughness);
-    bool keepScale = false;
+    bool keepScale = false, hasCameras = false;
 };
 
 } // namespace nacre::cli

@@ -147,7 +147,7 @@ void warnIfCut(const StageOptions& stage)
     if (tanOfSide < 1.0 / std::sqrt(d * d - 1.0)) warn("--fov: the bounding sphere of the object does not fit into the picture; parts may be cut off");
 }
 
-StageWork planOwn(const SynthArguments& args, const Placement& placement)
+StageWork planOwn(const SynthArguments& args, const Placement& placement, const std::optional<CaptureOptions>& capture)
 {
     StageWork work;
     StageOptions stage = args.stage;
@@ -159,6 +159,7 @@ StageWork planOwn(const SynthArguments& args, const Placement& placement)
     if (paths.empty()) paths = {maps.add("env_sunset.exr", sunsetMap), maps.add("env_studio.exr", studioMap)};
     stage.environments = paths;
     work.plan = planStage(stage, stageSplits());
+    if (capture && capture->kind == CaptureKind::kPhone) work.plan.splits[0] = planPhone(stage, *capture);
     return work;
 }
 

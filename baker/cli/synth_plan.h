@@ -5,8 +5,10 @@
 #include "base/image.h"
 #include "dataset/olat_dataset.h"
 #include "light_stage/placement.h"
+#include "light_stage/capture_plan.h"
 #include "synth_arguments.h"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,8 +32,8 @@ Status readStageOptions(SynthArguments& args);
 Status checkMap(const std::string& path);
 void warnIfCut(const StageOptions& stage);
 
-/// The plan of the stage, all splits. `stage.environments` become paths in the output folder.
-StageWork planOwn(const SynthArguments& args, const Placement& placement);
+/// The plan of the stage, all splits; a phone has a train split of its own. `stage.environments` become paths in the output folder.
+StageWork planOwn(const SynthArguments& args, const Placement& placement, const std::optional<CaptureOptions>& capture);
 /// The plan of another dataset, whole.
 Result<StageWork> planLike(const SynthArguments& args);
 Status keepSplits(OlatDataset& plan, const std::vector<std::string>& wanted);

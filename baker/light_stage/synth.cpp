@@ -9,9 +9,8 @@
 #include "base/hash.h"
 #include "base/text.h"
 #include "dataset/dataset_writer.h"
-#include "interchange/exr.h"
+#include "interchange/image_file.h"
 #include "interchange/json.h"
-#include "interchange/png.h"
 
 #include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
@@ -21,6 +20,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 
 namespace nacre {
 namespace {
@@ -96,7 +96,14 @@ private:
     bool isThere(const OlatSplit& split, const OlatImage& image, bool decode) const;
     void collectGroups();
     Status renderGroup(const Group& group);
-    Status writeImages(const OlatSplit& split, std::span<const std::pair<size_t, Image>> images);
+    /// An image that is complete, and what of it shines without the flash.
+    struct Finished {
+        size_t image;
+        Image radiance;
+        std::optional<Image> ambient;
+    };
+    Status writeImages(size_t split, std::span<Finished> images);
+    const OlatSplit& rendered(size_t s) const { return job_.splits[s].capture ? job_.splits[s].capture->truth : plan_.splits[s]; }
     Status describe(size_t split);
     double costOf(const Group& group) const;
     void show(const Group& group, double fractionOfGroup);
@@ -122,8 +129,9 @@ bool Synthesis::isThere(const OlatSplit& split, const OlatImage& image, bool dec
     const std::string path = pathOf(image);
     std::error_code ignored;
     if (!fs::is_regular_file(path, ignored)) return false;
-    const bool png = plan_.colorSpace == ColorSpace::kSrgb;
-    const Result<Image> found = decode ? (png ? readPng(path) : readExr(path)) : (png ? readPngSize(path) : readExrSize(path));
+    for (const std::string& beside : {image.maskPath, image.ambientPath})
+        if (!beside.empty() && !fs::is_regular_file(fs::path(plan_.path) / beside, ignored)) return false;
+    const Result<Image> found = decode ? readImageFile(path) : readImageFileSize(path);
     const Camera& camera = split.cameras[image.camera];
     return found && found->width == camera.width && found->height == camera.height;
 }
@@ -163,7 +171,7 @@ const std::vector<Light>& lightsOf(const Light& light, std::vector<Light>& stora
 /// Samples, each worth a path and one shadow ray per light on each of its vertices. Only ratios matter: for the time that is left.
 double Synthesis::costOf(const Group& group) const
 {
-    const OlatSplit& split = plan_.splits[group.split];
+    const OlatSplit& split = rendered(group.split);
     const Camera& camera = split.cameras[group.camera];
     double lights = 4;
     for (const size_t i : group.images) lights += split.images[i].light.group ? double(split.images[i].light.group->size()) : 1.0;
@@ -207,12 +215,14 @@ void addRadiance(Image& to, const Image& from)
 struct Pending {
     size_t lightsLeft = 0;
     Image image;
+    std::optional<Image> ambient; // of a capture with photographs without the flash
     double noise = 0, weight = 0; // luminance-weighted: the standard error of a sum is at most the sum of standard errors
 };
 
 Status Synthesis::renderGroup(const Group& group)
 {
-    const OlatSplit& split = plan_.splits[group.split];
+    const OlatSplit &split = rendered(group.split), &stated = plan_.splits[group.split];
+    const SynthJob::Split& job = job_.splits[group.split];
     const Camera& camera = split.cameras[group.camera];
     SynthReport::Split& report = report_.splits[group.split];
 
@@ -227,7 +237,8 @@ Status Synthesis::renderGroup(const Group& group)
         }
 
     // The stream of random numbers is the split's and camera's own: noise does not repeat from image to image.
-    RenderSettings settings = job_.splits[group.split].render;
+    RenderSettings settings = job.render;
+    if (job.capture) settings.optics = job.capture->optics;
     settings.seed = fnv1a(&group.camera, sizeof group.camera, fnv1a(split.name.data(), split.name.size(), settings.seed ^ kFnvOffset));
     settings.stop = stop_;
     const size_t lightBytes = size_t(camera.width) * size_t(camera.height) * kFilmBytesPerPixel, chunk = std::max<size_t>(1, kChunkBytes / lightBytes);
@@ -236,7 +247,7 @@ Status Synthesis::renderGroup(const Group& group)
         const size_t count = std::min(chunk, lights.size() - first);
         settings.progress = [&](double f) { show(group, (double(first) + f * double(count)) / double(lights.size())); };
         RenderStats stats;
-        auto images = render_(camera, std::span(lights).subspan(first, count), settings, &stats);
+        auto images = (job.renderer ? job.renderer : render_)(camera, std::span(lights).subspan(first, count), settings, &stats);
         if (!images) return images.error();
         assert(images->size() == count && stats.noise.size() == count);
         report.seconds += stats.seconds;
@@ -246,22 +257,24 @@ Status Synthesis::renderGroup(const Group& group)
         report.leakedWalks = std::max(report.leakedWalks, stats.leakedWalks);
         report.cutWalks = std::max(report.cutWalks, stats.cutWalks);
 
-        std::vector<std::pair<size_t, Image>> finished;
+        std::vector<Finished> finished;
         for (size_t l = 0; l < count; ++l) {
             Pending& p = pending[imageOfLight[first + l]];
             Image& image = (*images)[l];
             const double weight = luminanceSum(image);
             p.noise += weight * double(stats.noise[l]), p.weight += weight;
+            const OlatImage& to = stated.images[group.images[imageOfLight[first + l]]];
+            if (!to.ambientPath.empty() && lights[first + l].type == LightType::kEnvironment) p.ambient = image;
             if (p.image.rgba.empty()) p.image = std::move(image);
             else addRadiance(p.image, image);
             if (--p.lightsLeft > 0) continue;
             // sums until the end, then divided by the number of images
             report.noise += p.weight > 0 ? p.noise / p.weight : 0.0;
             report.samplesPerPixel += stats.samplesPerPixel;
-            if (plan_.colorSpace == ColorSpace::kSrgb) report.clipped += clippedShare(p.image);
-            finished.emplace_back(group.images[imageOfLight[first + l]], std::move(p.image));
+            if (!job.capture && plan_.colorSpace == ColorSpace::kSrgb && fs::path(to.path).extension() == ".png") report.clipped += clippedShare(p.image);
+            finished.push_back({group.images[imageOfLight[first + l]], std::move(p.image), std::move(p.ambient)});
         }
-        if (Status s = writeImages(split, finished); !s) return s;
+        if (Status s = writeImages(group.split, finished); !s) return s;
         report.written += finished.size();
         imagesDone_ += finished.size();
     }
@@ -272,18 +285,28 @@ Status Synthesis::renderGroup(const Group& group)
     return ok();
 }
 
-Status Synthesis::writeImages(const OlatSplit& split, std::span<const std::pair<size_t, Image>> images)
+Status Synthesis::writeImages(size_t s, std::span<Finished> images)
 {
+    const OlatSplit& split = plan_.splits[s];
+    const Capture* capture = job_.splits[s].capture.get();
+    if (capture && !images.empty()) // before the photographs: where these are, so is the matte
+        if (Status status = writeMatte(*capture, split, images[0].image, images[0].radiance, plan_.path); !status) return status;
     std::vector<Status> statuses(images.size(), ok());
     inParallel(images.size(), [&](size_t k) {
-        const std::string path = pathOf(split.images[images[k].first]);
+        Finished& finished = images[k];
+        if (capture) {
+            const Image* ambient = finished.ambient ? &*finished.ambient : nullptr;
+            statuses[k] = writePhotograph(*capture, split, finished.image, std::move(finished.radiance), ambient, plan_.path);
+            return;
+        }
+        const std::string path = pathOf(split.images[finished.image]);
         std::error_code error;
         fs::create_directories(fs::path(path).parent_path(), error);
         statuses[k] = error ? Status(Error{ErrorCode::kIo, "cannot create a folder for '" + path + "': " + error.message()})
-                            : writeDatasetImage(plan_, images[k].second, path);
+                            : writeDatasetImage(plan_, finished.radiance, path);
     });
-    for (Status& s : statuses)
-        if (!s) return s;
+    for (Status& status : statuses)
+        if (!status) return status;
     return ok();
 }
 

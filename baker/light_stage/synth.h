@@ -2,6 +2,7 @@
 #pragma once
 
 #include "dataset/olat_dataset.h"
+#include "light_stage/capture_plan.h"
 #include "light_stage/path_tracer.h"
 
 #include <functional>
@@ -29,6 +30,8 @@ struct SynthJob {
     struct Split {
         RenderSettings render;          // `stop` and `progress` are set by synthesise
         std::string topLevel;           // JSON object for the description files
+        std::shared_ptr<const Capture> capture{}; // what was really there, where images are photographs; null: they are what is rendered
+        StageRender renderer{};         // of this split's own scene; empty: that of all
     };
     std::vector<Split> splits;          // one for each of the plan's
     int shard = 1, shards = 1;          // this run renders every camera group g with g % shards == shard - 1
@@ -61,6 +64,7 @@ struct SynthReport {
 /// would not fit in kChunkBytes). An image that is there, decodes and has the right size stays as it is. Images appear atomically, and the
 /// description files of a split when its last image is there, whichever run makes it; the bytes do not depend on how the work was divided.
 /// A light group is the sum of the images of its lights.
+/// Of a capture, the truth is rendered, and photographs and mattes are made of it.
 /// Errors: those of `render`, kIo, kCancelled.
 Result<SynthReport> synthesise(const SynthJob& job, const StageRender& render, const std::function<void(const SynthProgress&)>& progress,
                                const std::atomic<bool>* stop);
