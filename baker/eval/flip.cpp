@@ -157,12 +157,16 @@ Features detectFeatures(const Plane& achromatic, double pixelsPerDegree)
     return {strength(edge), strength(point)};
 }
 
-Planes ycxczPlanes(const Image& image)
+bool isKnown(const Image& image, size_t pixel) { return !(image.rgba[4 * pixel + 3] < 0); }
+
+/// Black where one of the two is unknown.
+Planes ycxczPlanes(const Image& image, const Image& other)
 {
     Planes planes{Plane(image.width, image.height), Plane(image.width, image.height), Plane(image.width, image.height)};
     for (size_t i = 0; i < planes[0].values.size(); ++i) {
         const float* p = image.rgba.data() + 4 * i;
-        const glm::dvec3 c = ycxczFromRgb(glm::clamp(glm::dvec3(p[0], p[1], p[2]), 0.0, 1.0));
+        const glm::dvec3 rgb = isKnown(image, i) && isKnown(other, i) ? glm::dvec3(p[0], p[1], p[2]) : glm::dvec3(0.0);
+        const glm::dvec3 c = ycxczFromRgb(glm::clamp(rgb, 0.0, 1.0));
         for (int k = 0; k < 3; ++k) planes[size_t(k)].values[i] = c[k];
     }
     return planes;
@@ -173,20 +177,23 @@ Planes ycxczPlanes(const Image& image)
 double meanFlip(const Image& a, const Image& b, double pixelsPerDegree)
 {
     assert(a.width == b.width && a.height == b.height);
-    Planes ycxczA = ycxczPlanes(a), ycxczB = ycxczPlanes(b);
+    Planes ycxczA = ycxczPlanes(a, b), ycxczB = ycxczPlanes(b, a);
     const std::vector<glm::dvec3> labA = perceived(ycxczA, pixelsPerDegree), labB = perceived(ycxczB, pixelsPerDegree);
     for (Planes* planes : {&ycxczA, &ycxczB})
         for (double& y : (*planes)[0].values) y = (y + 16.0) / 116.0; // to [0, 1]
     const Features featuresA = detectFeatures(ycxczA[0], pixelsPerDegree), featuresB = detectFeatures(ycxczB[0], pixelsPerDegree);
 
     double sum = 0;
+    size_t known = 0;
     for (size_t i = 0; i < labA.size(); ++i) {
+        if (!isKnown(a, i) || !isKnown(b, i)) continue;
+        ++known;
         const double edge = std::abs(featuresA.edge[i] - featuresB.edge[i]);
         const double point = std::abs(featuresA.point[i] - featuresB.point[i]);
         const double feature = std::pow(std::max(edge, point) / std::numbers::sqrt2, kQf);
         sum += std::pow(colorDifference(labA[i], labB[i]), 1.0 - feature);
     }
-    return sum / double(labA.size());
+    return known ? sum / double(known) : 0.0;
 }
 
 } // namespace nacre

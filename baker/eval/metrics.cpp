@@ -14,6 +14,18 @@
 namespace nacre {
 namespace {
 
+/// Whether anything is known of a pixel of the reference.
+bool isKnown(const Image& reference, size_t pixel) { return !(reference.rgba[4 * pixel + 3] < 0); }
+
+/// The image, black where nothing is known of the reference (which is black there).
+Image whereKnown(const Image& image, const Image& reference)
+{
+    Image out = image;
+    for (size_t i = 0; i < out.rgba.size(); i += 4)
+        if (!isKnown(reference, i / 4)) std::fill_n(out.rgba.begin() + ptrdiff_t(i), 4, 0.0f);
+    return out;
+}
+
 /// Γ of one colour channel as a plane.
 Plane displayPlane(const Image& image, int channel)
 {
@@ -61,11 +73,14 @@ Plane largestNear(const Plane& in, int reach)
 
 void measureHighlights(const Image& render, const Image& reference, ImageMetrics& metrics)
 {
-    const Plane luma = lumaPlane(render), referenceLuma = lumaPlane(reference);
+    const Plane luma = lumaPlane(render);
+    Plane referenceLuma = lumaPlane(reference);
+    for (size_t i = 0; i < referenceLuma.values.size(); ++i)
+        if (!isKnown(reference, i)) referenceLuma.values[i] = 1; // for its neighbours: may be a highlight
     const Plane near = largestNear(luma, kHighlightReach), referenceNear = largestNear(referenceLuma, kHighlightReach);
     size_t object = 0, missing = 0, invented = 0;
     for (size_t i = 0; i < luma.values.size(); ++i) {
-        if (!(reference.rgba[4 * i + 3] > 0.5f)) continue;
+        if (!(reference.rgba[4 * i + 3] > 0.5f)) continue; // nor what is not known
         ++object;
         missing += referenceLuma.values[i] > near.values[i] + kHighlightStep;
         invented += luma.values[i] > referenceNear.values[i] + kHighlightStep;
@@ -80,8 +95,8 @@ void measureHighlights(const Image& render, const Image& reference, ImageMetrics
     metrics.highlightFalse = double(invented) / double(std::max<size_t>(object, 1));
 }
 
-/// Sum over the pixels of one channel.
-double ssimSum(const Plane& a, const Plane& b)
+/// Sum over the known pixels of one channel.
+double ssimSum(const Plane& a, const Plane& b, const Image& reference)
 {
     static const auto weights = ssimWindow();
     static const std::vector<double> window(weights.begin(), weights.end());
@@ -95,6 +110,7 @@ double ssimSum(const Plane& a, const Plane& b)
     const Plane meanAA = blurProduct(a, a), meanBB = blurProduct(b, b), meanAB = blurProduct(a, b);
     double sum = 0;
     for (size_t i = 0; i < a.values.size(); ++i) {
+        if (!isKnown(reference, i)) continue;
         const double ma = meanA.values[i], mb = meanB.values[i];
         const double varA = meanAA.values[i] - ma * ma, varB = meanBB.values[i] - mb * mb;
         const double cov = meanAB.values[i] - ma * mb;
@@ -105,11 +121,14 @@ double ssimSum(const Plane& a, const Plane& b)
 
 } // namespace
 
-double ssim(const Image& a, const Image& b)
+double ssim(const Image& render, const Image& reference)
 {
     double sum = 0;
-    for (int c = 0; c < 3; ++c) sum += ssimSum(displayPlane(a, c), displayPlane(b, c));
-    return sum / (3.0 * a.width * a.height);
+    size_t known = 0;
+    for (size_t i = 0; i < reference.rgba.size() / 4; ++i) known += isKnown(reference, i);
+    const Image a = whereKnown(render, reference), b = whereKnown(reference, reference);
+    for (int c = 0; c < 3; ++c) sum += ssimSum(displayPlane(a, c), displayPlane(b, c), reference);
+    return known ? sum / (3.0 * double(known)) : 1.0;
 }
 
 ImageMetrics compareImages(const Image& render, const Image& reference)
@@ -128,6 +147,7 @@ ImageMetrics compareImages(const Image& render, const Image& reference)
     } whole, masked;
     const size_t pixels = size_t(render.width) * size_t(render.height);
     for (size_t i = 0; i < pixels; ++i) {
+        if (!isKnown(reference, i)) continue;
         double squared = 0, relative = 0;
         for (size_t c = 0; c < 3; ++c) {
             const float a = render.rgba[4 * i + c], b = reference.rgba[4 * i + c];

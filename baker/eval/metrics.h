@@ -2,6 +2,7 @@
 //
 // Γ(x) = sRGB transfer of clamp(x, 0, 1), in float (no 8-bit rounding). All figures are per image; callers take means over
 // images, but of highlights, which few pixels of few images show, the PSNR over all of them. Masked: pixels whose reference alpha is above 0.5.
+// Pixels of which the reference knows nothing (kUnknownAlpha) are in no sum.
 #pragma once
 
 #include "base/image.h"
@@ -31,8 +32,8 @@ constexpr double kMaxPsnr = 100.0;
 /// The images must have one size (else every figure is NaN). NaN pixels give NaN figures.
 ImageMetrics compareImages(const Image& render, const Image& reference);
 
-/// Structural similarity of Γ(a) and Γ(b) (Wang et al. 2004): 11x11 Gaussian window, sigma 1.5, C1 = 0.01^2, C2 = 0.03^2, mean
+/// Structural similarity of Γ(render) and Γ(reference) (Wang et al. 2004): 11x11 Gaussian window, sigma 1.5, C1 = 0.01^2, C2 = 0.03^2, mean
 /// over all pixels and rgb. Zero padding at the border, as in the 3DGS code, so that the figure compares with published ones.
-double ssim(const Image& a, const Image& b);
+double ssim(const Image& render, const Image& reference);
 
 } // namespace nacre

@@ -11,6 +11,8 @@
 
 namespace nacre {
 
+constexpr double kMostOutside = 0.05; // of the cameras that frame a voxel of the object
+
 void frameCube(std::span<const Camera> cameras, float center[3], float* halfSize)
 {
     // Least squares: sum over axes of (I - d d^T) (x - o) = 0.
@@ -53,23 +55,24 @@ VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std:
         for (int k = 0; k < 3; ++k) p[k] = hull.center[k] - hull.halfSize + (float(i[k]) + 0.5f) * voxel;
     };
 
+    const size_t mostOutside = size_t(kMostOutside * double(views.size())); // whatever the rest says
     tbb::parallel_for(size_t(0), n, [&](size_t z) {
         for (size_t y = 0; y < n; ++y)
             for (size_t x = 0; x < n; ++x) {
                 float p[3];
                 voxelCenter(x, y, z, p);
-                bool inside = true, seen = false;
-                for (size_t c = 0; c < views.size() && inside; ++c) {
+                size_t seen = 0, outside = 0;
+                for (size_t c = 0; c < views.size() && outside <= mostOutside; ++c) {
                     const View<float>& v = views[c];
                     float t[3];
                     for (int k = 0; k < 3; ++k) t[k] = detail::dot3(&v.r[3 * k], p) + v.t[k];
                     if (!(t[2] > kNearPlane)) continue;
                     const float px = v.fx * t[0] / t[2] + v.cx, py = v.fy * t[1] / t[2] + v.cy;
                     if (px < 0 || py < 0 || px >= v.width || py >= v.height) continue; // not framed: this camera cannot tell
-                    seen = true;
-                    inside = masks[c][size_t(py) * size_t(v.width) + size_t(px)] != 0;
+                    const uint8_t mask = masks[c][size_t(py) * size_t(v.width) + size_t(px)];
+                    seen += mask != kMaskUnknown, outside += mask == kMaskBackground;
                 }
-                hull.inside[(z * n + y) * n + x] = inside && seen;
+                hull.inside[(z * n + y) * n + x] = seen > 0 && double(outside) <= kMostOutside * double(seen);
             }
     });
 

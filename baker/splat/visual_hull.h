@@ -26,7 +26,11 @@ struct VisualHull {
 /// The cube that every camera frames: centre nearest to all optical axes, half-size what the widest camera sees there.
 void frameCube(std::span<const Camera> cameras, float center[3], float* halfSize);
 
-/// masks[i]: width*height, non-zero where cameras[i] sees the object. A voxel survives if no camera that frames it sees it outside.
+/// What a camera sees in a pixel.
+enum MaskValue : uint8_t { kMaskBackground, kMaskObject, kMaskUnknown };
+
+/// masks[i]: width*height of MaskValue, of cameras[i]. A voxel survives if hardly any camera that frames it, and knows, sees it outside: one in twenty may
+/// be wrong. (Just outside of a convex surface more than that see it outside: the hull of right masks grows by a thousandth of its size.)
 VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<uint8_t>> masks, int resolution);
 
 /// True if the hull reaches the border of the cube: the cameras do not enclose the object.

@@ -16,6 +16,13 @@ constexpr double kWhiteShare = 0.9;    // of the object
 constexpr double kLitSide = 0.2;       // cosine at the object between camera and light: from there some lit surface is always seen
 constexpr size_t kAtOnceBytes = size_t(1) << 30, kMostAtOnce = 64; // what is decoded between two looks at the clock
 
+static bool isUnknown(const Image& image)
+{
+    for (size_t i = 3; i < image.rgba.size(); i += 4)
+        if (!(image.rgba[i] < 0)) return false;
+    return true;
+}
+
 static bool isBlack(const Image& image)
 {
     for (size_t i = 0; i < image.rgba.size(); i += 4)
@@ -45,6 +52,7 @@ BlackFrames::BlackFrames(const OlatSplit& split) : split_(split)
 
 std::string BlackFrames::fault(const OlatImage& entry, const Image& image) const
 {
+    if (isUnknown(image)) return entry.path + ": no pixel can be used, all are saturated or outside of what the lens saw";
     const Light& light = entry.light;
     if (light.isPunctual()) {
         const glm::dvec3 toEye = split_.cameras[entry.camera].position() - centre_;

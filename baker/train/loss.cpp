@@ -26,6 +26,7 @@ struct RowTask {
     const uint16_t* reference; // encoded
     const uint16_t* radiance;  // reference, half floats
     const uint16_t* mask;      // reference alpha
+    const uint16_t* known;     // may be null: all is known
     float* gradient;
     float* encoded;            // may be null
     float* slope;
@@ -61,7 +62,7 @@ void lossRow(const RowTask& t, RowSums& sums)
     const hn::RebindToSigned<D> di;
     const size_t n = hn::Lanes(d);
     HWY_ALIGN float tail[3][hn::MaxLanes(D())];
-    HWY_ALIGN uint16_t tail16[3][hn::MaxLanes(D())];
+    HWY_ALIGN uint16_t tail16[4][hn::MaxLanes(D())];
     V weighted = hn::Zero(d), squared = hn::Zero(d), masked = hn::Zero(d), maskedCount = hn::Zero(d);
     const V unorm = hn::Set(d, 1.0f / 65535.0f);
     for (int x = 0; x < t.width; x += int(n)) {
@@ -70,10 +71,17 @@ void lossRow(const RowTask& t, RowSums& sums)
         if (!whole) {
             for (size_t i = 0; i < n; ++i) { // pixels beyond the row equal their reference
                 const bool in = int(i) < left;
+                tail16[3][i] = in && t.known ? t.known[x + i] : 0;
                 tail[0][i] = in ? t.render[x + i] : 0.0f, tail16[0][i] = in ? t.reference[x + i] : 0, tail16[1][i] = in ? t.mask[x + i] : 0, tail16[2][i] = in ? t.radiance[x + i] : 0;
             }
         }
-        const V loaded = whole ? hn::LoadU(d, t.render + x) : hn::Load(d, tail[0]);
+        V loaded = whole ? hn::LoadU(d, t.render + x) : hn::Load(d, tail[0]);
+        auto known = hn::FirstN(d, n);
+        if (t.known) { // the reference is black where it is unknown: so is the render, then
+            const auto known16 = whole ? hn::LoadU(d16, t.known + x) : hn::Load(d16, tail16[3]);
+            known = hn::RebindMask(d, hn::Ne(hn::PromoteTo(di, known16), hn::Zero(di)));
+            loaded = hn::IfThenElseZero(known, loaded);
+        }
         const V linear = hn::IfThenElse(hn::Gt(loaded, hn::Set(d, 1.0f)), hn::Set(d, 1.0f), loaded); // lets NaN through
         const auto ref16 = whole ? hn::LoadU(d16, t.reference + x) : hn::Load(d16, tail16[0]);
         const auto mask16 = whole ? hn::LoadU(d16, t.mask + x) : hn::Load(d16, tail16[1]);
@@ -84,7 +92,7 @@ void lossRow(const RowTask& t, RowSums& sums)
         // Most of an image is background, black in both.
         if (whole && hn::AllTrue(d, hn::Eq(loaded, hn::Zero(d))) && hn::AllTrue(d16, hn::Eq(hn::Or(ref16, radiance16), hn::Zero(d16)))) {
             hn::StoreU(hn::Zero(d), d, t.gradient + x);
-            if (t.encoded) hn::StoreU(hn::Zero(d), d, t.encoded + x), hn::StoreU(hn::Set(d, 12.92f), d, t.slope + x);
+            if (t.encoded) hn::StoreU(hn::Zero(d), d, t.encoded + x), hn::StoreU(hn::IfThenElseZero(known, hn::Set(d, 12.92f)), d, t.slope + x);
             continue;
         }
         const V reference = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(di, ref16)), unorm);
@@ -106,9 +114,9 @@ void lossRow(const RowTask& t, RowSums& sums)
         masked = hn::Add(masked, hn::IfThenElseZero(in, square));
         if (whole) {
             hn::StoreU(gradient, d, t.gradient + x);
-            if (t.encoded) hn::StoreU(value, d, t.encoded + x), hn::StoreU(slope, d, t.slope + x);
+            if (t.encoded) hn::StoreU(value, d, t.encoded + x), hn::StoreU(hn::IfThenElseZero(known, slope), d, t.slope + x);
         } else {
-            hn::Store(gradient, d, tail[0]), hn::Store(value, d, tail[1]), hn::Store(slope, d, tail[2]);
+            hn::Store(gradient, d, tail[0]), hn::Store(value, d, tail[1]), hn::Store(hn::IfThenElseZero(known, slope), d, tail[2]);
             for (int i = 0; i < left; ++i) {
                 t.gradient[x + i] = tail[0][i];
                 if (t.encoded) t.encoded[x + i] = tail[1][i], t.slope[x + i] = tail[2][i];
@@ -180,10 +188,16 @@ HWY_EXPORT(blurPlane);
 
 PreparedImage prepareImage(const Image& linear)
 {
-    PreparedImage p{linear.width, linear.height, {}, {}};
+    PreparedImage p;
+    p.width = linear.width, p.height = linear.height;
     const size_t pixels = size_t(p.width) * p.height;
     p.planes.resize(4 * pixels), p.linear.resize(3 * pixels);
     for (size_t i = 0; i < pixels; ++i) {
+        if (linear.rgba[4 * i + 3] < 0) {
+            if (p.unknown++ == 0) p.known.assign(pixels, 65535);
+            p.known[i] = 0;
+            continue;
+        }
         for (int c = 0; c < 3; ++c) {
             const float x = std::clamp(linear.rgba[4 * i + c], 0.0f, 1.0f);
             p.planes[c * pixels + i] = uint16_t(std::lround(65535.0f * srgbFromLinear(x)));
@@ -219,26 +233,44 @@ LossStats ImageLoss::evaluate(const float* planes, const PreparedImage* const* r
     const int channels = 3 * imageCount;
     const bool ssim = options.dssim > 0;
     if (ssim) encoded_.resize(channels * pixels), slope_.resize(channels * pixels);
-    const float weight = (1.0f - options.dssim) / (kLossScale * float(channels * pixels));
+    size_t known = size_t(imageCount) * pixels; // over all images
+    for (int l = 0; l < imageCount; ++l) known -= references[l]->unknown;
+    const size_t samples = 3 * std::max<size_t>(known, 1);
+    const float weight = (1.0f - options.dssim) / (kLossScale * float(samples));
     const auto run = HWY_DYNAMIC_DISPATCH(lossRow);
 
     std::vector<RowSums> rows(size_t(channels) * height);
     tbb::parallel_for(size_t(0), rows.size(), [&](size_t r) {
         const size_t plane = r / height, y = r % height, image = plane / 3, c = plane % 3, at = plane * pixels + y * width;
         run({planes + at, references[image]->planes.data() + c * pixels + y * width, references[image]->linear.data() + c * pixels + y * width,
-             references[image]->planes.data() + 3 * pixels + y * width,
+             references[image]->planes.data() + 3 * pixels + y * width, references[image]->unknown ? references[image]->known.data() + y * width : nullptr,
              dPlanes + at, ssim ? encoded_.data() + at : nullptr, ssim ? slope_.data() + at : nullptr, width, weight},
             rows[r]);
     });
 
-    // The views' coverage is one plane; the references' alphas of one view agree, so the first stands for all.
+    // The views' coverage is one plane; the references' alphas of one view agree, so the first that knows it stands for all.
     std::vector<double> alphaRows(height);
-    const float alphaWeight = options.alphaWeight / float(pixels);
+    const auto whoKnows = [&](size_t pixel) {
+        int l = 0;
+        while (l < imageCount && !references[l]->isKnown(pixel)) ++l;
+        return l;
+    };
+    size_t covered = pixels;
+    if (references[0]->unknown > 0) {
+        covered = 0;
+        for (size_t i = 0; i < pixels; ++i) covered += whoKnows(i) < imageCount;
+    }
+    const float alphaWeight = options.alphaWeight / float(std::max<size_t>(covered, 1));
     tbb::parallel_for(0, height, [&](int y) {
         double sum = 0;
         for (int x = 0; x < width; ++x) {
             const size_t i = size_t(y) * width + x;
-            const float difference = planes[channels * pixels + i] - float(references[0]->planes[3 * pixels + i]) / 65535.0f;
+            const int l = whoKnows(i);
+            if (l == imageCount) {
+                dPlanes[channels * pixels + i] = 0;
+                continue;
+            }
+            const float difference = planes[channels * pixels + i] - float(references[l]->planes[3 * pixels + i]) / 65535.0f;
             dPlanes[channels * pixels + i] = difference > 0 ? alphaWeight : difference < 0 ? -alphaWeight : 0.0f;
             sum += std::abs(difference);
         }
@@ -251,14 +283,15 @@ LossStats ImageLoss::evaluate(const float* planes, const PreparedImage* const* r
         stats.squaredError += r.squared;
         stats.squaredErrorMasked += r.masked, stats.countMasked += r.maskedCount;
     }
-    stats.count = double(channels) * double(pixels);
+    stats.count = 3.0 * double(known);
     for (double a : alphaRows) stats.loss += alphaWeight * a;
-    if (ssim) addDssim(references, imageCount, options.dssim, dPlanes, &stats.loss);
+    if (ssim) addDssim(references, imageCount, samples, options.dssim, dPlanes, &stats.loss);
     return stats;
 }
 
 // SSIM per plane: with blurred means m, n, second moments, the derivative with respect to each moment is blurred back to the pixels.
-void ImageLoss::addDssim(const PreparedImage* const* references, int imageCount, float lambda, float* dPlanes, double* loss)
+// Unknown pixels are black in both and have no slope. `samples`: values that are known.
+void ImageLoss::addDssim(const PreparedImage* const* references, int imageCount, size_t samples, float lambda, float* dPlanes, double* loss)
 {
     constexpr float c1 = float(kSsimC1), c2 = float(kSsimC2);
     const int width = references[0]->width, height = references[0]->height, channels = 3 * imageCount;
@@ -284,10 +317,14 @@ void ImageLoss::addDssim(const PreparedImage* const* references, int imageCount,
 
         double sum = 0;
         for (size_t i = 0; i < pixels; ++i) { // gradient of SSIM with respect to ma, maa, mab, in place
+            if (!references[p / 3]->isKnown(i)) {
+                ma[i] = maa[i] = mab[i] = 0;
+                continue;
+            }
             const float va = maa[i] - ma[i] * ma[i], vb = mbb[i] - mb[i] * mb[i], vab = mab[i] - ma[i] * mb[i];
             const float n1 = 2 * ma[i] * mb[i] + c1, n2 = 2 * vab + c2, d1 = ma[i] * ma[i] + mb[i] * mb[i] + c1, d2 = va + vb + c2;
             const float s = n1 * n2 / (d1 * d2);
-            sum += s;
+            sum += 1.0 - double(s);
             const float dVa = -s / d2, dVab = 2 * n1 / (d1 * d2);
             const float dMa = 2 * mb[i] * n2 / (d1 * d2) - s * 2 * ma[i] / d1 - 2 * ma[i] * dVa - mb[i] * dVab;
             ma[i] = dMa, maa[i] = dVa, mab[i] = dVab;
@@ -296,13 +333,13 @@ void ImageLoss::addDssim(const PreparedImage* const* references, int imageCount,
         blur(ma, width, height, temp, product);
         blur(maa, width, height, temp, mbb);
         blur(mab, width, height, temp, mb);
-        const float weight = -lambda / float(channels * pixels);
+        const float weight = -lambda / float(samples);
         for (size_t i = 0; i < pixels; ++i)
             dPlanes[p * pixels + i] += weight * (product[i] + 2 * a[i] * mbb[i] + b[i] * mb[i]) * slope_[p * pixels + i];
     });
-    double mean = 0;
-    for (double s : sums) mean += s;
-    *loss += lambda * (1.0 - mean / double(channels * pixels));
+    double sum = 0;
+    for (double s : sums) sum += s;
+    *loss += lambda * sum / double(samples);
 }
 
 } // namespace nacre

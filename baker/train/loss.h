@@ -5,6 +5,7 @@
 // The first term is the squared error as displayed, to first order; Γ'(x) is held constant in the gradient. Path-traced and captured images
 // carry noise whose mean, not whose median, is right in linear radiance: |Γ(x) - Γ(r)| (BiGS section 5.1) is pulled below it where noise is
 // skewed, this is not (the weighting of Noise2Noise, Lehtinen et al. 2018, section 4.3, with the slope of our display).
+// Means are over known pixels; the others (kUnknownAlpha) have no part in any sum, and no gradient.
 // SSIM is that of eval/metrics.h, of Γ images. A render above 1 still feels the pull down to a darker reference (slope of Γ at 1).
 #pragma once
 
@@ -25,7 +26,10 @@ struct PreparedImage {
     int width = 0, height = 0;
     std::vector<uint16_t> planes; // [4][height][width]
     std::vector<uint16_t> linear; // [3][height][width], at most 1
-    size_t bytes() const { return (planes.size() + linear.size()) * sizeof(uint16_t); }
+    std::vector<uint16_t> known;  // [height][width]: 65535, or 0 where nothing is known (and all planes are 0); empty: all is known
+    size_t unknown = 0;           // pixels
+    bool isKnown(size_t pixel) const { return known.empty() || known[pixel] != 0; }
+    size_t bytes() const { return (planes.size() + linear.size() + known.size()) * sizeof(uint16_t); }
 };
 PreparedImage prepareImage(const Image& linear);
 
@@ -59,7 +63,7 @@ public:
                        float* dPlanes);
 
 private:
-    void addDssim(const PreparedImage* const* references, int imageCount, float lambda, float* dPlanes, double* loss);
+    void addDssim(const PreparedImage* const* references, int imageCount, size_t samples, float lambda, float* dPlanes, double* loss);
     AlignedVector<float> encoded_, slope_; // Γ(render) and Γ'(render), [3 * imageCount][height][width]; filled only when SSIM is on
     AlignedVector<float> blurred_, scratch_;
 };

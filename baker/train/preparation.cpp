@@ -89,10 +89,10 @@ Result<Masks> loadMasks(const Preparation& p, const Tick& tick)
         if (!image) continue; // training says so
         const size_t pixels = size_t((*image)->width) * (*image)->height;
         std::vector<uint8_t> mask(pixels);
-        size_t object = 0;
+        size_t object = 0, background = 0;
         for (size_t i = 0; i < pixels; ++i) {
-            mask[i] = (*image)->planes[3 * pixels + i] >= kObjectAlpha;
-            object += mask[i];
+            mask[i] = !(*image)->isKnown(i) ? kMaskUnknown : (*image)->planes[3 * pixels + i] >= kObjectAlpha ? kMaskObject : kMaskBackground;
+            object += mask[i] == kMaskObject, background += mask[i] == kMaskBackground;
         }
         if (object == 0) {
             if (found.empty++ == 0) found.firstEmpty = p.split->images[p.views[k].images[0]].path;
@@ -100,7 +100,7 @@ Result<Masks> loadMasks(const Preparation& p, const Tick& tick)
             continue;
         }
         ++withObject;
-        withBackground += double(pixels - object) > kBackgroundShare * double(pixels);
+        withBackground += double(background) > kBackgroundShare * double(pixels);
         found.masks.push_back(std::move(mask));
         found.cameras.push_back(p.split->cameras[p.views[k].camera]);
     }

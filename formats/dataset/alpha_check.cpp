@@ -53,7 +53,7 @@ bool looksInverted(const Image& image)
             const float* p = image.pixel(x, y);
             if (x == 0 || y == 0 || x == image.width - 1 || y == image.height - 1) ++border, opaqueBorder += p[3] > kOpaque;
             if (p[3] > kOpaque) opaque.add(brightness(p));
-            else if (p[3] < 1 - kOpaque) hole.add(brightness(p));
+            else if (p[3] >= 0 && p[3] < 1 - kOpaque) hole.add(brightness(p));
         }
     if (10 * opaqueBorder < 9 * border || hole.count < 0.01 * (hole.count + opaque.count)) return false;
     return opaque.deviation() < 0.02 * opaque.mean() + 1e-3 || opaque.mean() < 0.3 * hole.mean();
@@ -67,6 +67,7 @@ AlphaLook lookAt(const Image& image)
             const float* p = image.pixel(x, y);
             const float a = p[3];
             out.highest = std::max(out.highest, a);
+            if (a < 0) continue; // nothing is known
             if (a < kNone) ++out.under, out.colouredUnder += brightness(p) > kVisible;
             if (!(a > 0.2f && a < 0.8f)) continue;
             Spread beside;

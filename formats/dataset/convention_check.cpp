@@ -74,7 +74,7 @@ bool checkCameras(const std::vector<glm::dmat4>& poses, const std::optional<glm:
     return false;
 }
 
-/// Alpha at the pixel that sees `world`; 0 outside the frame and behind the camera.
+/// Alpha at the pixel that sees `world`; 0 outside the frame and behind the camera, negative where nothing is known.
 float alphaAt(const CheckedView& view, const glm::dvec3& world)
 {
     const glm::dvec3 p(glm::inverse(view.camera->worldFromCamera) * glm::dvec4(world, 1.0));
@@ -171,7 +171,7 @@ Result<DatasetExamination> examineDataset(const OlatDataset& dataset, ImageCache
             }
             const OlatImage& entry = split.images[index];
             views.push_back({&split, index, &split.cameras[entry.camera], &entry, *image});
-            for (size_t i = 3; i < (*image)->rgba.size(); i += 4) hasBackground |= !((*image)->rgba[i] > kInside);
+            for (size_t i = 3; i < (*image)->rgba.size(); i += 4) hasBackground |= (*image)->rgba[i] >= 0 && !((*image)->rgba[i] > kInside);
         }
         out.splits.push_back({split.name, {}, {}});
     }

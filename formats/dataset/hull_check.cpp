@@ -44,7 +44,8 @@ Silhouette silhouetteOf(const CheckedView& view)
     s.inside.assign(size_t(s.columns) * size_t(s.rows), 0);
     for (int y = 0; y < image.height; ++y)
         for (int x = 0; x < image.width; ++x) {
-            if (!(image.pixel(x, y)[3] > kInside)) continue;
+            const float alpha = image.pixel(x, y)[3];
+            if (alpha >= 0 && !(alpha > kInside)) continue; // of what is not known the camera cannot tell
             const int i = int(int64_t(x) * s.columns / image.width), j = int(int64_t(y) * s.rows / image.height);
             for (int dj = -1; dj <= 1; ++dj)
                 for (int di = -1; di <= 1; ++di)

@@ -79,7 +79,7 @@ std::optional<double> objectLuminance(const Image& image)
     for (size_t p = 0; p < pixels; ++p) {
         const float* rgba = &image.rgba[4 * p];
         if (rgba[3] > kInside) inside.push_back(std::max(0.0, luminance(rgba)));
-        else hasBackground = true;
+        else if (!(rgba[3] < 0)) hasBackground = true;
     }
     if (inside.empty()) return std::nullopt;
     if (!hasBackground) {

@@ -83,6 +83,30 @@ TEST_CASE("masked figures ignore the background, whole-image figures do not")
     CHECK(m.relMseLinear == doctest::Approx((a - b) * (a - b) / (b * b + 0.01)).epsilon(1e-4)); // f32 pixels
 }
 
+TEST_CASE("what the reference does not know counts in no figure")
+{
+    const Image render = patterned(0.1f);
+    Image reference = patterned(0), other = render;
+    const auto unknown = [](size_t i) { return i % 7 == 3 || i < 200; };
+    double squared = 0;
+    size_t known = 0;
+    for (size_t i = 0; i < reference.rgba.size() / 4; ++i) {
+        if (!unknown(i)) {
+            const double d = double(srgbFromLinear(render.rgba[4 * i])) - double(srgbFromLinear(reference.rgba[4 * i]));
+            squared += d * d, ++known;
+            continue;
+        }
+        for (size_t c = 0; c < 3; ++c) reference.rgba[4 * i + c] = 0, other.rgba[4 * i + c] = 0.7f;
+        reference.rgba[4 * i + 3] = kUnknownAlpha;
+    }
+    const ImageMetrics a = compareImages(render, reference), b = compareImages(other, reference);
+    CHECK(a.psnr == doctest::Approx(-10 * std::log10(squared / double(known))).epsilon(kNear));
+    for (auto figure : {&ImageMetrics::psnr, &ImageMetrics::psnrMasked, &ImageMetrics::ssim, &ImageMetrics::flip, &ImageMetrics::relMseLinear})
+        CHECK(a.*figure == b.*figure);
+    CHECK(compareImages(reference, reference).flip == 0);
+    CHECK(compareImages(reference, reference).ssim == doctest::Approx(1));
+}
+
 TEST_CASE("image without an object is measured whole")
 {
     const Image reference = makeImage(9, 9, [](int, int) { return display(0.0f, 0.0f); });

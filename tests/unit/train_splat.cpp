@@ -125,6 +125,36 @@ TEST_CASE("the visual hull of a sphere's silhouettes is the sphere")
     }
 }
 
+TEST_CASE("the hull survives one mask that is blank, inverted or cut, and holes in many; what is unknown takes nothing away")
+{
+    const Views clean = sphereViews(96);
+    const VisualHull right = carveVisualHull(clean.cameras, clean.masks, 48);
+    const auto differs = [&](const Views& views) { // share of the object's voxels
+        const VisualHull hull = carveVisualHull(views.cameras, views.masks, 48);
+        size_t inside = 0, different = 0;
+        for (size_t i = 0; i < right.inside.size(); ++i) inside += right.inside[i], different += right.inside[i] != hull.inside[i];
+        return double(different) / double(inside);
+    };
+    Views views = clean;
+    SUBCASE("blank") { std::fill(views.masks[5].begin(), views.masks[5].end(), uint8_t(kMaskBackground)); }
+    SUBCASE("inverted")
+    {
+        for (uint8_t& m : views.masks[5]) m = m == kMaskObject ? kMaskBackground : kMaskObject;
+    }
+    SUBCASE("cut") { std::fill(views.masks[5].begin(), views.masks[5].begin() + 96 * 48, uint8_t(kMaskBackground)); }
+    SUBCASE("holes")
+    {
+        for (size_t k = 0; k < views.masks.size(); k += 2)
+            for (size_t y = 0; y < 6; ++y) std::fill_n(views.masks[k].begin() + ptrdiff_t((40 + 4 * (k % 4) + y) * 96 + 44), 6, uint8_t(kMaskBackground));
+    }
+    SUBCASE("unknown")
+    {
+        for (std::vector<uint8_t>& mask : views.masks)
+            for (size_t i = 0; i < mask.size(); i += 4) mask[i] = kMaskUnknown;
+    }
+    CHECK(differs(views) < 0.1);
+}
+
 TEST_CASE("no silhouette gives no hull, and points fall back to the framed cube")
 {
     Views views = sphereViews(32);
