@@ -29,9 +29,9 @@ void frameCube(std::span<const Camera> cameras, float center[3], float* halfSize
 /// What a camera sees in a pixel.
 enum MaskValue : uint8_t { kMaskBackground, kMaskObject, kMaskUnknown };
 
-/// masks[i]: width*height of MaskValue, of cameras[i]. A voxel survives if hardly any camera that frames it, and knows, sees it outside: one in twenty may
-/// be wrong. (Just outside of a convex surface more than that see it outside: the hull of right masks grows by a thousandth of its size.)
-VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<uint8_t>> masks, int resolution);
+/// masks[i]: width*height of MaskValue, of cameras[i]. A voxel survives if no camera that frames it sees it outside; but of masks that contradict the
+/// others altogether (`wrong`, if given, gets their indices) nothing is believed, and where masks have holes, one in twenty is outvoted.
+VisualHull carveVisualHull(std::span<const Camera> cameras, std::span<const std::vector<uint8_t>> masks, int resolution, std::vector<size_t>* wrong = nullptr);
 
 /// True if the hull reaches the border of the cube: the cameras do not enclose the object.
 bool touchesBorder(const VisualHull& hull);

@@ -67,6 +67,7 @@ Status checkSplit(const OlatDataset& dataset, const OlatSplit& split, const std:
 struct Masks {
     std::vector<Camera> cameras;
     std::vector<std::vector<uint8_t>> masks; // of each camera
+    std::vector<uint32_t> images;            // whose masks these are
     Silhouettes silhouettes = Silhouettes::kGood;
     size_t empty = 0;       // images without any object: their masks would carve everything away
     std::string firstEmpty;
@@ -102,6 +103,7 @@ Result<Masks> loadMasks(const Preparation& p, const Tick& tick)
         ++withObject;
         withBackground += double(background) > kBackgroundShare * double(pixels);
         found.masks.push_back(std::move(mask));
+        found.images.push_back(p.views[k].images[0]);
         found.cameras.push_back(p.split->cameras[p.views[k].camera]);
     }
     // A few masks among images without alpha say too little; a view so near that the object fills it is no reason against the others.
@@ -118,7 +120,11 @@ Result<VisualHull> findHull(const AssetFrame& frame, const Masks& masks, const O
         frameCube(masks.cameras, hull.center, &hull.halfSize);
         return hull;
     }
-    hull = carveVisualHull(masks.cameras, masks.masks, kHullResolution);
+    std::vector<size_t> wrong;
+    hull = carveVisualHull(masks.cameras, masks.masks, kHullResolution, &wrong);
+    if (!wrong.empty())
+        warnings.push_back(std::to_string(wrong.size()) + " of " + std::to_string(masks.masks.size()) + " masks contradict the others, the first is that of " +
+                           split.images[masks.images[wrong[0]]].path + ": they are not used to find the shape; mend their alpha, check their poses or leave them out");
     if (hull.surface.empty())
         warnings.push_back("the alphas leave no visual hull: starting from random points in the common view of the cameras");
     if (Status s = checkLights(frame, split, hull, warnings); !s) return s.error();
