@@ -312,9 +312,12 @@ Status Synthesis::writeImages(size_t s, std::span<Finished> images)
 
 Status Synthesis::describe(size_t s)
 {
-    for (const DescriptionFile& file : describeSplit(plan_, plan_.splits[s], job_.splits[s].topLevel))
-        if (Status status = writeFileAtomically((fs::path(plan_.path) / file.path).string(), std::as_bytes(std::span(file.text))); !status)
-            return status;
+    for (const DescriptionFile& file : describeSplit(plan_, plan_.splits[s], job_.splits[s].topLevel)) {
+        const fs::path path = fs::path(plan_.path) / file.path;
+        std::error_code error;
+        fs::create_directories(path.parent_path(), error); // if it fails, so does writing
+        if (Status status = writeFileAtomically(path.string(), std::as_bytes(std::span(file.text))); !status) return status;
+    }
     return ok();
 }
 

@@ -41,8 +41,8 @@ void readPhotograph(const DatasetSource& source, const std::string& folder, cons
 void readCapture(const DatasetSource& source, OlatDataset& out)
 {
     bool hasBlack = false, hasWhite = false, hasRig = false;
-    for (const Description& description : source.descriptions) {
-        const JsonNode top = description.json.root(), background = top["background"], rig = top["light_rig"];
+    for (const Description* description : source.topLevels()) {
+        const JsonNode top = description->json.root(), background = top["background"], rig = top["light_rig"];
         readLevel(top["black_level"], out.blackLevel, hasBlack);
         readLevel(top["white_level"], out.whiteLevel, hasWhite);
         if (hasBlack && !(out.blackLevel < 0.9f)) top["black_level"].fail("a level below 0.9", std::to_string(out.blackLevel));
@@ -52,13 +52,13 @@ void readCapture(const DatasetSource& source, OlatDataset& out)
             if (name != "black" && name != "in_view")
                 background.fail("\"black\" or \"in_view\"", inQuotes(name) + "; composite the images over black, keep straight alpha and say \"alpha\": "
                                                                               "\"straight\", or say \"in_view\" if they show the surroundings");
-            if (description.split == "train") out.backgroundInView = name == "in_view";
+            if (description->split == "train") out.backgroundInView = name == "in_view";
         }
         if (rig.exists()) {
             const std::string name = rig.string();
             if (name != "fixed" && name != "camera" && name != "stage") rig.fail("\"fixed\", \"camera\" or \"stage\"", inQuotes(name));
             const LightRig here = name == "camera" ? LightRig::kCamera : name == "stage" ? LightRig::kStage : LightRig::kFixed;
-            if (description.split == "train" || !hasRig) out.rig = here;
+            if (description->split == "train" || !hasRig) out.rig = here;
             hasRig = true;
         }
     }

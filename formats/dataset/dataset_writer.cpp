@@ -33,6 +33,7 @@ constexpr Writer kWriters[] = {
     {"plpos", ColorSpace::kLinear, true, kPoints, {0, 0, 0}, fitPlpos, describePlpos},
     {"sssgs", ColorSpace::kSrgb, true, kPoints, {0, 0, 0}, fitSssgs, describeSssgs},
     {"bigs", ColorSpace::kLinear, false, kPoints | kGroups, {0, 1, 0}, fitBigs, describeBigs},
+    {"colmap", ColorSpace::kLinear, true, kPoints | kDirectionals, {0, 0, 0}, fitColmap, describeColmap},
 };
 
 const Writer* findWriter(const std::string& convention)

@@ -11,7 +11,7 @@
 
 namespace nacre {
 
-/// "canonical", "plpos", "sssgs", "bigs".
+/// "canonical", "plpos", "sssgs", "bigs", "colmap".
 std::span<const char* const> writableConventions();
 
 /// Makes the dataset what `convention` can say, with one line in `warnings` for each thing left out (splits whose lights it has no words

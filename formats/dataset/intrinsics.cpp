@@ -12,6 +12,7 @@ namespace {
 constexpr double kSameFocal = 0.01;      // two keys that say the same differ by the digits they are written with
 constexpr double kNoDistortion = 1e-6;   // a coefficient that moves no pixel: f k r^3 stays below 1/100 of a pixel
 constexpr double kShortestFocal = 0.1;   // of the image's longer side: a field of view of 157 degrees
+constexpr double kLongestFocal = 1e3;    // of it, too: a telescope's
 constexpr double kUsualFocal = 0.25;     // 127 degrees: as far as lenses go that draw straight lines straight
 constexpr double kOffCentre = 0.15;      // of the image: lenses and crops stay well below in practice
 constexpr double kSquare = 1.25;         // fx / fy of pixels that are taken for square; anamorphic video reaches 1.46 and gets a word
@@ -197,6 +198,18 @@ bool readFocal(const JsonNode& scope, Camera& camera, JsonNode& source)
 
 } // namespace
 
+std::optional<Mismatch> cameraFault(const Camera& camera)
+{
+    const double size = std::max(camera.width, camera.height);
+    const std::string image = " for an image of " + pixels(camera.width, camera.height);
+    if (!(size >= 1 && size <= 65536 && std::min(camera.width, camera.height) >= 1)) return Mismatch{"an image size from 1 to 65536", pixels(camera.width, camera.height)};
+    if (!(std::min(camera.fx, camera.fy) > kShortestFocal * size && std::max(camera.fx, camera.fy) < kLongestFocal * size))
+        return Mismatch{"positive focal lengths of about the image size in pixels", brief(camera.fx) + ", " + brief(camera.fy) + image};
+    if (!(std::fabs(camera.cx) <= 10 * size && std::fabs(camera.cy) <= 10 * size))
+        return Mismatch{"a principal point near the image", brief(camera.cx) + ", " + brief(camera.cy) + image};
+    return std::nullopt;
+}
+
 std::span<const CameraModel> cameraModels() { return kCameraModels; }
 
 const CameraModel* findCameraModel(const std::string& name)
@@ -233,7 +246,7 @@ std::optional<FileCamera> readIntrinsics(const JsonNode& frame, const JsonNode& 
         if ((*scope)["cy"].exists()) camera.cy = (*scope)["cy"].number();
     }
     const double size = std::max(camera.width, camera.height), shortest = std::min(camera.fx, camera.fy);
-    if (!(shortest > kShortestFocal * size && std::max(camera.fx, camera.fy) < 1e3 * size)) // 1e3: a telescope's
+    if (!(shortest > kShortestFocal * size && std::max(camera.fx, camera.fy) < kLongestFocal * size))
         source.fail("positive focal lengths of about the image size in pixels",
                     brief(camera.fx) + ", " + brief(camera.fy) + " for an image of " + pixels(camera.width, camera.height) +
                         (shortest > 0 && shortest < kShortestFocal * size

@@ -34,8 +34,32 @@ std::string extensionOf(const std::string& path)
     return e;
 }
 
-glm::dmat4 readPose(const JsonNode& matrix)
+std::string DatasetSource::pathOf(const std::string& relative) const { return (std::filesystem::path(path) / relative).lexically_normal().string(); }
+
+std::vector<const Description*> DatasetSource::topLevels() const
 {
+    std::vector<const Description*> out;
+    for (const Description& d : descriptions) out.push_back(&d);
+    if (lights) out.push_back(&*lights);
+    return out;
+}
+
+Status DatasetSource::firstMismatch() const
+{
+    for (const Description* d : topLevels())
+        if (d->json.failed()) return d->json.error();
+    return ok();
+}
+
+glm::dmat4 fromOpenCv(glm::dmat4 pose)
+{
+    pose[1] = -pose[1], pose[2] = -pose[2];
+    return pose;
+}
+
+glm::dmat4 readPose(const JsonNode& frame, const JsonNode& top)
+{
+    const JsonNode matrix = frame["transform_matrix"], axes = frame["camera_axes"].exists() ? frame["camera_axes"] : top["camera_axes"];
     const std::vector<JsonNode> rows = matrix.items();
     if (rows.size() != 4) {
         matrix.fail("4 rows of 4 numbers", std::to_string(rows.size()) + " rows");
@@ -46,10 +70,23 @@ glm::dmat4 readPose(const JsonNode& matrix)
         const std::vector<double> row = rows[size_t(r)].numbers(4);
         for (int c = 0; c < 4; c++) pose[c][r] = row[size_t(c)];
     }
-    return rigidPose(pose, matrix);
+    pose = rigidPose(pose, matrix);
+    if (!axes.exists()) return pose;
+    const std::string name = axes.string();
+    if (name != "opengl" && name != "opencv") axes.fail("\"opengl\" or \"opencv\"", inQuotes(name));
+    return name == "opencv" ? fromOpenCv(pose) : pose;
 }
 
 glm::dmat4 rigidPose(const glm::dmat4& given, const JsonNode& node)
+{
+    glm::dmat4 pose = given;
+    const std::optional<Mismatch> wrong = makeRigid(pose);
+    if (!wrong) return pose;
+    node.fail(wrong->expected, wrong->found);
+    return glm::dmat4(1.0);
+}
+
+std::optional<Mismatch> makeRigid(glm::dmat4& given)
 {
     const auto isLast = [](const glm::dvec4& v) { // (0, 0, 0, w); positive tests, so NaN fails
         return std::fabs(v.x) < kRigidTolerance && std::fabs(v.y) < kRigidTolerance && std::fabs(v.z) < kRigidTolerance && std::fabs(v.w - 1) < kRigidTolerance;
@@ -59,8 +96,7 @@ glm::dmat4 rigidPose(const glm::dmat4& given, const JsonNode& node)
         const bool swapped = isLast(given[3]);
         std::string found;
         for (int c = 0; c < 4; c++) found.append(c ? " " : "").append(brief(given[c][3]));
-        node.fail("last row 0 0 0 1", found + (swapped ? ", and 0 0 0 1 in the last column: the matrix is transposed" : ""));
-        return glm::dmat4(1.0);
+        return Mismatch{"last row 0 0 0 1", found + (swapped ? ", and 0 0 0 1 in the last column: the matrix is transposed" : "")};
     }
     const glm::dmat4 pose = given * (1.0 / given[3][3]);
     glm::dmat3 r(pose);
@@ -74,26 +110,19 @@ glm::dmat4 rigidPose(const glm::dmat4& given, const JsonNode& node)
         }
     if (!(worst < 2 * kRigidTolerance)) {
         if (worstScaled < 2 * kRigidTolerance)
-            node.fail("a rigid pose (orthonormal rotation)", "a rotation scaled by " + brief(std::sqrt(scale2)) +
-                                                                 "; divide the first three columns by it, and check that positions of cameras and lights share one unit");
-        else node.fail("a rigid pose (orthonormal rotation)", "columns that are off by " + brief(worst) + "; remove scale and shear from the camera");
-        return glm::dmat4(1.0);
+            return Mismatch{"a rigid pose (orthonormal rotation)", "a rotation scaled by " + brief(std::sqrt(scale2)) +
+                                                                       "; divide the first three columns by it, and check that positions of cameras and lights share one unit"};
+        return Mismatch{"a rigid pose (orthonormal rotation)", "columns that are off by " + brief(worst) + "; remove scale and shear from the camera"};
     }
-    if (!(glm::determinant(r) > 0)) {
-        node.fail("a rotation with determinant +1", "a mirrored pose; one axis is flipped");
-        return glm::dmat4(1.0);
-    }
+    if (!(glm::determinant(r) > 0)) return Mismatch{"a rotation with determinant +1", "a mirrored pose; one axis is flipped"};
     const glm::dvec3 position(pose[3]);
     for (int i = 0; i < 3; i++)
-        if (!(std::fabs(position[i]) < kMaxCoordinate)) {
-            node.fail("a camera position below 1e9", brief(position[i]));
-            return glm::dmat4(1.0);
-        }
+        if (!(std::fabs(position[i]) < kMaxCoordinate)) return Mismatch{"a camera position below 1e9", brief(position[i])};
     // Nearest rotation by Newton's iteration for the polar decomposition; quadratic, so two steps from 1e-3 are exact.
     for (int i = 0; i < 3; i++) r = r * (glm::dmat3(3.0) - glm::transpose(r) * r) * 0.5;
-    glm::dmat4 out(r);
-    out[3] = glm::dvec4(position, 1.0);
-    return out;
+    given = glm::dmat4(r);
+    given[3] = glm::dvec4(position, 1.0);
+    return std::nullopt;
 }
 
 glm::vec3 readVec3(const JsonNode& node)
@@ -121,7 +150,7 @@ glm::vec3 readIntensity(const JsonNode& node)
 
 std::string findImage(const DatasetSource& source, const std::string& folder, const std::string& file, const JsonNode& node, const std::string& assumed)
 {
-    const auto pathOf = [&](const std::string& name) { return (std::filesystem::path(source.path) / folder / name).lexically_normal().string(); };
+    const auto pathOf = [&](const std::string& name) { return source.pathOf((std::filesystem::path(folder) / name).string()); };
     std::vector<std::string> endings = {""};
     if (!assumed.empty()) endings.insert(endings.begin(), assumed);
     if (imageKind(file) == ImageKind::kNone)
@@ -144,8 +173,8 @@ std::string findImage(const DatasetSource& source, const std::string& folder, co
 FileColors readFileColors(const DatasetSource& source)
 {
     FileColors out;
-    for (const Description& description : source.descriptions) {
-        const JsonNode top = description.json.root(), space = top["color_space"], alpha = top["alpha"];
+    for (const Description* description : source.topLevels()) {
+        const JsonNode top = description->json.root(), space = top["color_space"], alpha = top["alpha"];
         if (space.exists()) {
             const std::string name = space.string();
             if (name != "linear" && name != "srgb") space.fail("\"linear\" or \"srgb\"", inQuotes(name));
@@ -184,6 +213,16 @@ void SplitBuilder::add(const Camera& camera, OlatImage image, const std::optiona
     split.images.push_back(std::move(image));
 }
 
+void scaleByConvention(OlatDataset& dataset)
+{
+    const float intensity = conventionalIntensity(dataset.splits);
+    for (OlatSplit& split : dataset.splits)
+        for (OlatImage& image : split.images)
+            image.light.intensity *= image.light.type == LightType::kDirectional ? std::numbers::pi_v<float> : intensity;
+    dataset.warnings.push_back("no calibrated light intensity: a multiplier of 1 means a radiance of about 1 (intensity " + brief(intensity) +
+                               " of a point, pi x mean light distance squared), so the asset's brightness is a convention, not a measurement");
+}
+
 float conventionalIntensity(const std::vector<OlatSplit>& splits)
 {
     const Framing framing = frameCameras(splits);
@@ -192,7 +231,7 @@ float conventionalIntensity(const std::vector<OlatSplit>& splits)
     size_t count = 0;
     for (const OlatSplit& split : splits) {
         for (const OlatImage& image : split.images)
-            sum += glm::distance(glm::dvec3(image.light.position) + glm::dvec3(image.light.positionRest), centre), count++;
+            if (image.light.type == LightType::kPoint) sum += glm::distance(glm::dvec3(image.light.position) + glm::dvec3(image.light.positionRest), centre), count++;
         if (count) break;
     }
     const double mean = count ? sum / double(count) : 0.0;

@@ -2,6 +2,7 @@
 // A new convention = one file in loaders/, two declarations below, one line in the table of olat_dataset.cpp.
 #pragma once
 
+#include "base/text.h"
 #include "dataset/olat_dataset.h"
 #include "interchange/json.h"
 
@@ -26,10 +27,13 @@ struct Description {
 /// Everything a loader sees of the outside world, so that a fuzzer can run loaders without a disk.
 struct DatasetSource {
     std::string path;
-    std::vector<Description> descriptions;                          // train first, then test, then by name; olat_* by number
+    std::vector<Description> descriptions;                          // train first, then test, then by name; olat_* by number; none for some conventions
+    std::optional<Description> lights;                              // lights.json: a light table, and keys of top levels
     std::string excludeList;                                        // text of exclude_list.txt, empty if there is none
     std::function<bool(const std::string&)> fileExists;
     std::function<Result<Image>(const std::string&)> readImageSize; // from the file's header; `rgba` stays empty
+    std::function<std::vector<std::string>(const std::string&)> list; // the names in a folder, sorted; none if it is none
+    std::function<Result<std::vector<std::byte>>(const std::string&)> readFile;
 
     // What loaders leave here as they go.
     struct Missing {
@@ -39,6 +43,10 @@ struct DatasetSource {
     };
     mutable Missing missing;                 // images and maps that are not there: one error tells their number
     mutable std::array<int, 2> lastSize{};   // of the last image whose header was read
+
+    std::string pathOf(const std::string& relative) const;
+    std::vector<const Description*> topLevels() const; // descriptions and lights.json
+    Status firstMismatch() const;
 };
 
 /// Picks the loader, runs it, checks the result. loadDataset = read the disk + this.
@@ -48,10 +56,14 @@ bool isCanonical(const DatasetSource& source);
 bool isPlpos(const DatasetSource& source);
 bool isSssgs(const DatasetSource& source);
 bool isBigs(const DatasetSource& source);
+bool isNerf(const DatasetSource& source);
+bool isColmap(const DatasetSource& source);
 Status loadCanonical(const DatasetSource& source, OlatDataset& out);
 Status loadPlpos(const DatasetSource& source, OlatDataset& out);
 Status loadSssgs(const DatasetSource& source, OlatDataset& out);
 Status loadBigs(const DatasetSource& source, OlatDataset& out);
+Status loadNerf(const DatasetSource& source, OlatDataset& out);
+Status loadColmap(const DatasetSource& source, OlatDataset& out);
 
 /// True if the first frame of any description has `key`.
 bool anyFrameHas(const DatasetSource& source, const char* key);
@@ -61,12 +73,24 @@ std::string extensionOf(const std::string& path);
 
 // ---- Readers: a mismatch is recorded in the node's document, a harmless value comes back. ----
 
-/// 4x4 row-major camera-to-world, OpenGL camera axes.
-glm::dmat4 readPose(const JsonNode& matrix);
+/// `transform_matrix` of a frame: 4x4 row-major camera-to-world. Camera axes are OpenGL's (y up, z backwards), or OpenCV's if the frame or the top
+/// level says "camera_axes": "opencv".
+glm::dmat4 readPose(const JsonNode& frame, const JsonNode& top);
 
 /// Accepts a pose that is rigid to 1e-3 and removes what is left of scale and shear; otherwise records a mismatch at `node`, which names
 /// a transposed matrix and one scale for all axes.
 glm::dmat4 rigidPose(const glm::dmat4& pose, const JsonNode& node);
+/// The same for files that are not JSON: nothing after success.
+struct Mismatch {
+    std::string expected, found;
+};
+std::optional<Mismatch> makeRigid(glm::dmat4& pose);
+
+/// The pose for OpenGL camera axes of one for OpenCV's (x right, y down, z forward).
+glm::dmat4 fromOpenCv(glm::dmat4 worldFromCamera);
+
+/// What of size, focal lengths and principal point cannot be meant.
+std::optional<Mismatch> cameraFault(const Camera& camera);
 
 /// Size of the image: `width` (or `w`), `height` (or `h`), from the frame or else from the top level, else from the file's header.
 /// A file that cannot be read (it may only be damaged) counts as large as the one before. False if that leaves the size unknown; then an error
@@ -142,6 +166,25 @@ void readCapture(const DatasetSource& source, OlatDataset& out);
 /// The intensity for data that has none: a white diffuse surface facing the light from where the cameras look gets radiance 1 at the
 /// mean distance of the lights of the first split, so I = pi * mean(r)^2. One value for the whole dataset.
 float conventionalIntensity(const std::vector<OlatSplit>& splits);
+
+/// Multiplies intensities of a dataset that has none: points get conventionalIntensity, directional lights pi, for the same radiance.
+void scaleByConvention(OlatDataset& dataset);
+
+/// One photograph before it has a light.
+struct Photo {
+    std::string name; // as its description has it, relative to the folder of images
+    std::string path;
+    std::string split; // empty: whatever the table says
+    Camera camera;
+    std::optional<FileCamera> file;
+    OlatImage image{}; // masks and exposure, as far as known
+};
+
+/// True if the dataset has a light table (light_table.cpp), or says that its light is fixed to the camera.
+bool hasLightTable(const DatasetSource& source);
+
+/// Puts photographs and the light table together, into splits. `out.colorSpace` and the like are the caller's.
+Status lightPhotos(const DatasetSource& source, std::vector<Photo> photos, OlatDataset& out);
 
 /// The world axis that the cameras' own up vectors agree on (object captures keep the camera upright).
 glm::vec3 upFromCameras(const std::vector<OlatSplit>& splits);

@@ -25,22 +25,41 @@ constexpr Loader kLoaders[] = { // the first that recognises its marks wins
     {"sssgs", isSssgs, loadSssgs},
     {"plpos", isPlpos, loadPlpos},
     {"canonical", isCanonical, loadCanonical},
+    {"nerf", isNerf, loadNerf},
+    {"colmap", isColmap, loadColmap},
 };
 
 constexpr const char* kLoneFile = "transforms.json"; // one file for all that there is: a train set
+constexpr const char* kLightTable = "lights.json";
 constexpr size_t kMaxJsonBytes = size_t(1) << 28; // the largest published set needs about 20 MB
 
-Status addDescription(DatasetSource& source, const std::string& folder, const std::string& fileName)
+Result<Description> readDescription(const DatasetSource& source, const std::string& folder, const std::string& fileName)
 {
     const std::string path = (fs::path(source.path) / folder / fileName).string();
     const Result<std::vector<std::byte>> text = readFile(path, kMaxJsonBytes);
     if (!text) return text.error();
     const Result<JsonDocument> json = JsonDocument::parse(*text, path);
     if (!json) return json.error();
-    std::string split = fileName == kLoneFile ? "train" : fs::path(fileName).stem().string();
+    std::string split = fileName == kLoneFile || fileName == kLightTable ? "train" : fs::path(fileName).stem().string();
     if (split.starts_with("transforms_")) split.erase(0, std::string("transforms_").size());
-    source.descriptions.push_back({folder, split, *json});
+    return Description{folder, split, *json};
+}
+
+Status addDescription(DatasetSource& source, const std::string& folder, const std::string& fileName)
+{
+    Result<Description> description = readDescription(source, folder, fileName);
+    if (!description) return description.error();
+    source.descriptions.push_back(std::move(*description));
     return ok();
+}
+
+std::vector<std::string> namesIn(const std::string& folder)
+{
+    std::vector<std::string> names;
+    std::error_code ec;
+    for (fs::directory_iterator it(folder, ec), end; !ec && it != end; it.increment(ec)) names.push_back(it->path().filename().string());
+    std::sort(names.begin(), names.end());
+    return names;
 }
 
 /// Train first, test second, then by name: what a person expects to read, and the same on every file system.
@@ -60,11 +79,11 @@ Result<Listing> listFolder(const std::string& path)
     Listing out;
     std::error_code ec;
     if (!fs::is_directory(path, ec))
-        return Error{ErrorCode::kBadInput, inQuotes(path) + " is not a folder; expected a dataset with transforms_*.json or olat_*/"};
+        return Error{ErrorCode::kBadInput, inQuotes(path) + " is not a folder; expected that of a dataset"};
     for (fs::directory_iterator it(path, ec), end; !ec && it != end; it.increment(ec)) {
         const std::string name = it->path().filename().string();
         if ((name.starts_with("transforms_") && name.ends_with(".json")) || name == kLoneFile) out.files.push_back(name);
-        else if (name.ends_with(".json") && (out.other.empty() || name < out.other)) out.other = name;
+        else if (name.ends_with(".json") && name != kLightTable && (out.other.empty() || name < out.other)) out.other = name;
         if (!name.starts_with("olat_")) continue;
         int light = 0;
         const auto [last, status] = std::from_chars(name.data() + 5, name.data() + name.size(), light);
@@ -85,6 +104,8 @@ Result<DatasetSource> readSource(const std::string& path)
     source.path = path;
     source.fileExists = [](const std::string& p) { std::error_code e; return fs::is_regular_file(p, e); };
     source.readImageSize = readImageFileSize;
+    source.list = namesIn;
+    source.readFile = [](const std::string& p) { return readFile(p); };
     if (extensionOf(path) == ".json" && fs::is_regular_file(path, ec)) {
         source.path = fs::path(path).parent_path().string();
         if (Status s = addDescription(source, "", fs::path(path).filename().string()); !s) return s.error();
@@ -93,8 +114,8 @@ Result<DatasetSource> readSource(const std::string& path)
         if (!listing) return listing.error();
         for (const std::string& file : listing->files)
             if (Status s = addDescription(source, "", file); !s) return s.error();
-        if (listing->files.empty() && listing->lightFolders.empty())
-            return Error{ErrorCode::kBadInput, inQuotes(path) + ": no transforms_<split>.json and no olat_<i> folders; not a dataset folder" +
+        if (listing->files.empty() && listing->lightFolders.empty() && std::none_of(std::begin(kLoaders), std::end(kLoaders), [&](const Loader& l) { return l.detect(source); }))
+            return Error{ErrorCode::kBadInput, inQuotes(path) + ": no transforms_<split>.json, no olat_<i> folders and no COLMAP model; not a dataset folder" +
                                                    (listing->other.empty() ? "" : " (it has " + inQuotes(listing->other) +
                                                     "; rename it to transforms_train.json, or give that file)")};
         if (listing->files.empty())
@@ -102,6 +123,11 @@ Result<DatasetSource> readSource(const std::string& path)
                 if (Status s = addDescription(source, folder, "transforms_train.json"); !s) return s.error();
     }
 
+    if (fs::is_regular_file(source.pathOf(kLightTable), ec)) {
+        const Result<Description> lights = readDescription(source, "", kLightTable);
+        if (!lights) return lights.error();
+        source.lights = *lights;
+    }
     const std::string excludePath = (fs::path(source.path) / "exclude_list.txt").string();
     if (fs::is_regular_file(excludePath, ec)) {
         const Result<std::vector<std::byte>> text = readFile(excludePath, kMaxJsonBytes);
@@ -123,10 +149,9 @@ Status checkMissing(const DatasetSource& source, OlatDataset& dataset)
         dataset.warnings.push_back(what);
         return ok();
     }
+    if (!source.missing.first.exists()) return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": " + what};
     source.missing.first.fail("an existing file", what);
-    for (const Description& d : source.descriptions)
-        if (d.json.failed()) return d.json.error();
-    return ok();
+    return source.firstMismatch();
 }
 
 /// Each file goes by its kind, unless the description says otherwise. Only formats that ImageCache reads.
@@ -145,13 +170,12 @@ Status decideColors(const DatasetSource& source, OlatDataset& dataset)
         }
     const FileColors said = readFileColors(source);
     readCapture(source, dataset);
-    for (const Description& d : source.descriptions)
-        if (d.json.failed()) return d.json.error();
+    if (Status s = source.firstMismatch(); !s) return s;
     if (display == 0 && said.colorSpace == ColorSpace::kSrgb)
         return Error{ErrorCode::kBadInput, "image " + inQuotes(firstExr->path) + ": an EXR in a dataset with color_space srgb; EXR is linear"};
     if (display == 0) dataset.colorSpace = ColorSpace::kLinear;
     else if (said.colorSpace) dataset.colorSpace = *said.colorSpace;
-    dataset.colorSpaceIsGuess = !said.colorSpace;
+    dataset.colorSpaceIsGuess = !said.colorSpace && dataset.colorSpace == ColorSpace::kSrgb; // a convention of linear PNG is none
     if (said.premultiplied) dataset.premultiplied = *said.premultiplied, dataset.straightPng = false;
     if (exr == 0 && dataset.straightPng) dataset.premultiplied = false;
     if (exr == 0 || display == 0) dataset.straightPng = false;
@@ -192,7 +216,8 @@ Result<OlatDataset> loadFrom(const DatasetSource& source)
         checkIntrinsics(dataset);
         return dataset;
     }
-    return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": frames have none of the keys light, pl_pos, file_paths; unknown dataset convention"};
+    return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": frames have none of the keys light, light_position, light_direction, pl_pos, file_paths, and there is no lights.csv or "
+                                                               "lights.json; unknown dataset convention"};
 }
 
 Result<OlatDataset> loadDataset(const std::string& path)

@@ -96,8 +96,10 @@ OlatDataset writeAll(OlatDataset dataset, const std::string& convention)
             std::filesystem::create_directories(path.parent_path());
             REQUIRE(writeDatasetImage(*fitted, makeImage(seed++), path.string()));
         }
-        for (const DescriptionFile& file : describeSplit(*fitted, split, R"({"object": "thing", "seed": 3})"))
+        for (const DescriptionFile& file : describeSplit(*fitted, split, R"({"object": "thing", "seed": 3})")) {
+            std::filesystem::create_directories((std::filesystem::path(fitted->path) / file.path).parent_path());
             REQUIRE(writeFileAtomically((std::filesystem::path(fitted->path) / file.path).string(), std::as_bytes(std::span(file.text))));
+        }
     }
     return *fitted;
 }
@@ -198,7 +200,8 @@ TEST_CASE("splits that a convention has no words for are left out and named")
     const std::map<std::string, std::set<std::string>> expected{{"canonical", {"train", "test", "near", "directional", "environment", "all_on"}},
                                                                 {"plpos", {"train", "test", "near"}},
                                                                 {"sssgs", {"train", "test", "near"}},
-                                                                {"bigs", {"train", "test", "all_on"}}};
+                                                                {"bigs", {"train", "test", "all_on"}},
+                                                                {"colmap", {"train", "test", "near", "directional"}}};
     for (const char* convention : writableConventions()) {
         INFO(convention);
         TempFolder folder;

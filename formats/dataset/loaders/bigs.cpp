@@ -46,7 +46,7 @@ Status loadBigs(const DatasetSource& source, OlatDataset& out)
             Camera camera;
             std::optional<FileCamera> file;
             if (readSize(source, frame, top, path, camera)) file = readIntrinsics(frame, top, camera);
-            camera.worldFromCamera = readPose(frame["transform_matrix"]);
+            camera.worldFromCamera = readPose(frame, top);
             Light light;
             readLightPosition(frame["light"]["position"], light);
             light.position *= kWorldFromLightFrame, light.positionRest *= kWorldFromLightFrame;

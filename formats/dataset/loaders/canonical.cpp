@@ -12,6 +12,7 @@
 #include "dataset/environment_map.h"
 #include "dataset/loader.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace nacre {
@@ -64,7 +65,13 @@ std::shared_ptr<const std::vector<Light>> readAllOn(const DatasetSource& source,
 
 } // namespace
 
-bool isCanonical(const DatasetSource& source) { return anyFrameHas(source, "light"); }
+bool isCanonical(const DatasetSource& source)
+{
+    return std::any_of(source.descriptions.begin(), source.descriptions.end(), [](const Description& d) {
+        const JsonNode light = d.frames().firstItem()["light"];
+        return light.exists() && !light.isArray(); // an array is a bare position: loaders/nerf.cpp
+    });
+}
 
 Status loadCanonical(const DatasetSource& source, OlatDataset& out)
 {
@@ -75,7 +82,7 @@ Status loadCanonical(const DatasetSource& source, OlatDataset& out)
         for (const JsonNode& frame : description.frames().items()) {
             Camera camera;
             std::optional<FileCamera> file;
-            camera.worldFromCamera = readPose(frame["transform_matrix"]);
+            camera.worldFromCamera = readPose(frame, top);
             const std::string path = findImage(source, "", frame["file_path"].string(), frame["file_path"]);
             if (readSize(source, frame, top, path, camera)) file = readIntrinsics(frame, top, camera);
             OlatImage image{0, readLight(source, frame["light"], allOn), path};

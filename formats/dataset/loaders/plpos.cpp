@@ -82,7 +82,7 @@ Status loadPlpos(const DatasetSource& source, OlatDataset& out)
             Camera camera;
             std::optional<FileCamera> lens;
             if (readSize(source, frame, top, path, camera)) lens = readIntrinsics(frame, top, camera);
-            camera.worldFromCamera = frame["R_opt"].exists() ? readRefinedPose(frame["R_opt"], frame["T_opt"]) : readPose(frame["transform_matrix"]);
+            camera.worldFromCamera = frame["R_opt"].exists() ? readRefinedPose(frame["R_opt"], frame["T_opt"]) : readPose(frame, top);
             if (frame["light"].exists()) frame["light"].fail("one light for a frame", "light beside pl_pos; leave one of them out");
             Light light;
             readLightPosition(frame["pl_pos"], light);

@@ -51,7 +51,7 @@ Status loadSssgs(const DatasetSource& source, OlatDataset& out)
         for (const JsonNode& frame : description.frames().items()) {
             Camera camera;
             std::optional<FileCamera> lens;
-            camera.worldFromCamera = readPose(frame["transform_matrix"]);
+            camera.worldFromCamera = readPose(frame, top);
             const std::vector<JsonNode> files = frame["file_paths"].items(), positions = frame["light_positions"].items();
             const std::vector<JsonNode> gains = frame["light_intensities"].exists() ? frame["light_intensities"].items() : std::vector<JsonNode>();
             if (positions.size() != files.size())
