@@ -30,6 +30,13 @@ static bool isBlack(const Image& image)
     return true;
 }
 
+static bool isEmpty(const Image& image)
+{
+    for (size_t i = 3; i < image.rgba.size(); i += 4)
+        if (image.rgba[i] != 0) return false;
+    return true;
+}
+
 /// Nearly all of the object is saturated in every channel.
 static bool isWhite(const Image& image)
 {
@@ -59,7 +66,9 @@ std::string BlackFrames::fault(const OlatImage& entry, const Image& image) const
         const glm::dvec3 toLight = light.type == LightType::kPoint ? glm::dvec3(light.position) - centre_ : glm::dvec3(light.directionToLight);
         if (light.intensity == glm::vec3(0.0f) || !(glm::dot(toEye, toLight) > kLitSide * glm::length(toEye) * glm::length(toLight))) return {};
     }
-    return isBlack(image) ? entry.path + ": the image is black, although its light is on the camera's side of the object" : std::string();
+    if (!isBlack(image)) return {};
+    if (isEmpty(image)) return entry.path + ": nothing of the object is in the image; its " + (entry.maskPath.empty() ? "alpha" : "mask " + entry.maskPath) + " is 0 everywhere";
+    return entry.path + ": the image is black, although its light is on the camera's side of the object";
 }
 
 Status fewUnusable(const std::vector<UnusableImage>& unusable, size_t count, const std::string& split)

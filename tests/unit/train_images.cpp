@@ -95,6 +95,16 @@ TEST_CASE("an image that is saturated nearly everywhere says nothing, and is lef
     CHECK((*found)[0].why.find("white") != std::string::npos);
 }
 
+TEST_CASE("an image without its object is named as such")
+{
+    Folder f("nacre_test_empty");
+    REQUIRE(bool(writePng(f.train().images[3].path, kSize, kSize, 4, std::vector<uint8_t>(4 * kSize * kSize))));
+    const auto found = f.look();
+    REQUIRE(bool(found));
+    REQUIRE(found->size() == 1);
+    CHECK((*found)[0].why.find("alpha is 0 everywhere") != std::string::npos);
+}
+
 TEST_CASE("black is no fault where the light is behind the object, or off")
 {
     Folder f("nacre_test_black");
