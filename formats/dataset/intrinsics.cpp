@@ -203,7 +203,8 @@ std::optional<Mismatch> cameraFault(const Camera& camera)
     const double size = std::max(camera.width, camera.height);
     const std::string image = " for an image of " + pixels(camera.width, camera.height);
     if (!(size >= 1 && size <= 65536 && std::min(camera.width, camera.height) >= 1)) return Mismatch{"an image size from 1 to 65536", pixels(camera.width, camera.height)};
-    if (!(std::min(camera.fx, camera.fy) > kShortestFocal * size && std::max(camera.fx, camera.fy) < kLongestFocal * size))
+    const auto isFocal = [&](double f) { return f > kShortestFocal * size && f < kLongestFocal * size; };
+    if (!isFocal(camera.fx) || !isFocal(camera.fy))
         return Mismatch{"positive focal lengths of about the image size in pixels", brief(camera.fx) + ", " + brief(camera.fy) + image};
     if (!(std::fabs(camera.cx) <= 10 * size && std::fabs(camera.cy) <= 10 * size))
         return Mismatch{"a principal point near the image", brief(camera.cx) + ", " + brief(camera.cy) + image};

@@ -3,6 +3,7 @@
 
 #include "dataset/normalise.h"
 #include "interchange/image_file.h"
+#include "interchange/matrix_file.h"
 
 #include <algorithm>
 #include <cmath>
@@ -84,6 +85,17 @@ glm::dmat4 rigidPose(const glm::dmat4& given, const JsonNode& node)
     if (!wrong) return pose;
     node.fail(wrong->expected, wrong->found);
     return glm::dmat4(1.0);
+}
+
+Result<glm::dmat4> poseOf(const Matrix& m, const std::string& name)
+{
+    if (m.rows != 4 || m.columns != 4)
+        return Error{ErrorCode::kBadInput, name + ": " + std::to_string(m.rows) + " x " + std::to_string(m.columns) + " numbers, expected a pose of 4 x 4"};
+    glm::dmat4 pose;
+    for (size_t r = 0; r < 4; ++r)
+        for (size_t c = 0; c < 4; ++c) pose[int(c)][int(r)] = m.at(r, c);
+    if (const auto wrong = makeRigid(pose)) return Error{ErrorCode::kBadInput, name + ": expected " + wrong->expected + ", found " + wrong->found};
+    return pose;
 }
 
 std::optional<Mismatch> makeRigid(glm::dmat4& given)

@@ -57,12 +57,18 @@ bool isPlpos(const DatasetSource& source);
 bool isSssgs(const DatasetSource& source);
 bool isBigs(const DatasetSource& source);
 bool isNerf(const DatasetSource& source);
+bool isOpenIllumination(const DatasetSource& source);
+bool isDiligent(const DatasetSource& source);
+bool isRene(const DatasetSource& source);
 bool isColmap(const DatasetSource& source);
 Status loadCanonical(const DatasetSource& source, OlatDataset& out);
 Status loadPlpos(const DatasetSource& source, OlatDataset& out);
 Status loadSssgs(const DatasetSource& source, OlatDataset& out);
 Status loadBigs(const DatasetSource& source, OlatDataset& out);
 Status loadNerf(const DatasetSource& source, OlatDataset& out);
+Status loadOpenIllumination(const DatasetSource& source, OlatDataset& out);
+Status loadDiligent(const DatasetSource& source, OlatDataset& out);
+Status loadRene(const DatasetSource& source, OlatDataset& out);
 Status loadColmap(const DatasetSource& source, OlatDataset& out);
 
 /// True if the first frame of any description has `key`.
@@ -85,6 +91,10 @@ struct Mismatch {
     std::string expected, found;
 };
 std::optional<Mismatch> makeRigid(glm::dmat4& pose);
+
+/// Pose and position from a 4x4 matrix of a file.
+struct Matrix;
+Result<glm::dmat4> poseOf(const Matrix& worldFromCamera, const std::string& name);
 
 /// The pose for OpenGL camera axes of one for OpenCV's (x right, y down, z forward).
 glm::dmat4 fromOpenCv(glm::dmat4 worldFromCamera);

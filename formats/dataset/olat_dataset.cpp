@@ -26,6 +26,9 @@ constexpr Loader kLoaders[] = { // the first that recognises its marks wins
     {"plpos", isPlpos, loadPlpos},
     {"canonical", isCanonical, loadCanonical},
     {"nerf", isNerf, loadNerf},
+    {"openillumination", isOpenIllumination, loadOpenIllumination},
+    {"diligent-mv", isDiligent, loadDiligent},
+    {"rene", isRene, loadRene},
     {"colmap", isColmap, loadColmap},
 };
 
@@ -115,7 +118,7 @@ Result<DatasetSource> readSource(const std::string& path)
         for (const std::string& file : listing->files)
             if (Status s = addDescription(source, "", file); !s) return s.error();
         if (listing->files.empty() && listing->lightFolders.empty() && std::none_of(std::begin(kLoaders), std::end(kLoaders), [&](const Loader& l) { return l.detect(source); }))
-            return Error{ErrorCode::kBadInput, inQuotes(path) + ": no transforms_<split>.json, no olat_<i> folders and no COLMAP model; not a dataset folder" +
+            return Error{ErrorCode::kBadInput, inQuotes(path) + ": no transforms_<split>.json, no olat_<i> folders, no COLMAP model and no other known layout; not a dataset folder" +
                                                    (listing->other.empty() ? "" : " (it has " + inQuotes(listing->other) +
                                                     "; rename it to transforms_train.json, or give that file)")};
         if (listing->files.empty())

@@ -3,6 +3,7 @@
 #include "interchange/png.h"
 
 #include "base/file.h"
+#include "interchange/inflate.h"
 
 #include <algorithm>
 #include <array>
@@ -191,6 +192,20 @@ Result<PngHeader> checkFile(std::span<const std::byte> bytes, const std::string&
 }
 
 } // namespace
+
+std::optional<std::vector<std::byte>> inflateZlib(std::span<const std::byte> zlib, size_t maxBytes)
+{
+    if (zlib.size() < 6 || zlib.size() > size_t(INT_MAX) || maxBytes > size_t(INT_MAX)) return std::nullopt;
+    std::vector<std::byte> out(maxBytes);
+    const int size = stbi_zlib_decode_buffer(reinterpret_cast<char*>(out.data()), int(maxBytes), reinterpret_cast<const char*>(zlib.data()), int(zlib.size()));
+    if (size < 0 && std::string_view(stbi_failure_reason()) == "output buffer limit") return std::vector<std::byte>();
+    if (size <= 0) return std::nullopt;
+    out.resize(size_t(size));
+    uint32_t a = 1, b = 0; // Adler-32, which ends the stream
+    for (const std::byte x : out) a = (a + uint32_t(x)) % 65521, b = (b + a) % 65521;
+    if (bigEndian(zlib, zlib.size() - 4) != (b << 16 | a)) return std::nullopt;
+    return out;
+}
 
 bool looksLikePng(std::span<const std::byte> bytes) { return bytes.size() >= 8 && std::memcmp(bytes.data(), kSignature, 8) == 0; }
 
