@@ -13,6 +13,7 @@
 #include "base/color.h"
 #include "base/text.h"
 #include "dataset/develop.h"
+#include "dataset/packed_images.h"
 #include "interchange/image_file.h"
 
 #include <algorithm>
@@ -153,6 +154,7 @@ struct ImageCache::State {
     bool colorSpaceIsGuess, premultiplied, straightPng;
     float blackLevel, whiteLevel;
     int shrink;
+    std::shared_ptr<const PackedImages> packed;
     size_t budgetBytes;
 
     mutable std::mutex mutex; // guards everything below
@@ -208,6 +210,13 @@ struct ImageCache::State {
 
     Result<Image> decode(const OlatImage& entry, const Camera& camera, const FileCamera* file)
     {
+        Result<Image> image = packed ? packed->load(entry.packedBlock) : develop(entry, camera, file);
+        if (image && shrink > 1) *image = shrunk(*image, shrink);
+        return image;
+    }
+
+    Result<Image> develop(const OlatImage& entry, const Camera& camera, const FileCamera* file)
+    {
         Result<Image> image = readFile(entry.path, entry.gain);
         if (!image) return image;
         if (!entry.ambientPath.empty()) {
@@ -226,10 +235,11 @@ struct ImageCache::State {
                                                        " pixels, expected " + std::to_string(file->width) + " x " + std::to_string(file->height) + " like its camera"};
             *image = resampled(*image, *file, enlarged(camera, shrink));
         }
-        if (shrink > 1) *image = shrunk(*image, shrink);
         image->rgba.shrink_to_fit(); // the decoder grows it row by row
         return image;
     }
+
+    std::string keyOf(const OlatImage& entry) const { return packed ? std::to_string(entry.packedBlock) : entry.path; }
 
     std::shared_ptr<const Image> find(const std::string& path)
     {
@@ -265,6 +275,7 @@ ImageCache::ImageCache(const OlatDataset& dataset, size_t budgetBytes) : state_(
     state_->blackLevel = dataset.blackLevel;
     state_->whiteLevel = dataset.whiteLevel;
     state_->shrink = dataset.shrink;
+    state_->packed = dataset.packed;
     state_->budgetBytes = budgetBytes;
 }
 
@@ -290,18 +301,19 @@ Result<std::shared_ptr<const Image>> ImageCache::load(const OlatSplit& split, si
     assert(imageIndex < split.images.size());
     const OlatImage& entry = split.images[imageIndex];
     const Camera& camera = split.cameras[entry.camera];
+    const std::string key = state_->keyOf(entry);
     std::shared_ptr<const Image> image;
     {
         const std::lock_guard lock(state_->mutex);
-        image = state_->find(entry.path);
+        image = state_->find(key);
     }
     if (!image) {
         Result<Image> decoded = state_->decode(entry, camera, split.files.empty() ? nullptr : &split.files[entry.camera]);
         if (!decoded) return decoded.error();
         image = std::make_shared<const Image>(std::move(*decoded));
         const std::lock_guard lock(state_->mutex);
-        if (std::shared_ptr<const Image> other = state_->find(entry.path)) image = other;
-        else state_->keep(entry.path, image);
+        if (std::shared_ptr<const Image> other = state_->find(key)) image = other;
+        else state_->keep(key, image);
     }
     const auto size = [&](int width, int height) { // in the file, whose odd last row or column may not be seen
         return std::to_string(width * state_->shrink) + " x " + std::to_string(height * state_->shrink);

@@ -1,5 +1,6 @@
 // Finds the description files of a dataset folder, picks the loader and checks what it made.
 #include "dataset/loader.h"
+#include "dataset/packed_images.h"
 
 #include "base/file.h"
 #include "interchange/image_file.h"
@@ -225,6 +226,11 @@ Result<OlatDataset> loadFrom(const DatasetSource& source)
 
 Result<OlatDataset> loadDataset(const std::string& path)
 {
+    std::error_code ignored;
+    const fs::path folder = fs::path(path).filename() == kPackedDescription ? fs::path(path).parent_path() : fs::path(path);
+    if (fs::is_regular_file(folder / kPackedDescription, ignored)) return loadPacked(folder.string());
+    if (fs::is_regular_file(folder / kPackedJournal, ignored))
+        return Error{ErrorCode::kBadInput, inQuotes(path) + ": left of a nacre prepare that was interrupted; give the same command again to complete it"};
     const Result<DatasetSource> source = readSource(path);
     if (!source) return source.error();
     return loadFrom(*source);

@@ -34,13 +34,14 @@ struct OlatImage {
     std::string maskPath{};    // coverage of the object; empty: the file's own alpha
     std::string ambientPath{}; // the same view and exposure with its light off, which is subtracted; empty: there is none
     glm::vec3 gain{1.0f};      // what the file's linear values are multiplied by to be in the unit of the lights: 1 / exposure
+    uint32_t packedBlock = 0;  // where OlatDataset::packed has its pixels
 };
 
 /// What the lights of a dataset are fixed to: nothing, one flash to the camera (the stated places are nominal), or all of them to a stage that may be
 /// turned as one.
 enum class LightRig : uint8_t { kFixed, kCamera, kStage };
 
-class PackedImages;
+class PackedImages; // packed_images.h
 
 struct OlatSplit {
     std::string name;               // "train", "test", "near", "directional", "environment", ...
@@ -62,9 +63,9 @@ struct OlatDataset {
     float whiteLevel = 0;           // file value from which a channel is saturated; 0: the largest of an 8- or 16-bit file, none of an EXR
     bool backgroundInView = false;  // files show the surroundings and have no masks: the alpha of all pixels is 1 and means nothing
     LightRig rig = LightRig::kFixed;
-    std::shared_ptr<const PackedImages> packed; // where the pixels are, instead of in files
     int shrink = 1;                 // loaded images are means over so many pixels of the file in each direction; cameras are of these
     std::vector<OlatSplit> splits;
+    std::shared_ptr<const PackedImages> packed; // of a prepared dataset: its images, instead of the files, which need not be there any more
     std::vector<std::string> warnings; // one line each; never printed by the library
 
     const OlatSplit* find(const std::string& name) const
@@ -75,7 +76,7 @@ struct OlatDataset {
     }
 };
 
-/// Recognises the convention and reads the description files; images stay on disk.
+/// Recognises the convention and reads the description files; images stay on disk. A folder of `nacre prepare` is a dataset, too.
 /// Errors kBadInput: nothing recognised, broken JSON, missing key, non-finite or non-rigid pose, missing image file, empty split.
 Result<OlatDataset> loadDataset(const std::string& path);
 

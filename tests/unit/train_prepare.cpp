@@ -1,0 +1,212 @@
+// nacre prepare as a library: the packed dataset is the dataset, without what cannot be used.
+#include "train/dataset_packer.h"
+
+#include "base/file.h"
+#include "interchange/exr.h"
+#include "interchange/png.h"
+
+#include <doctest/doctest.h>
+#include <glm/gtc/matrix_transform.hpp>
+
+#include <filesystem>
+#include <fstream>
+
+using namespace nacre;
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kSize = 20;
+
+/// Four cameras, three lights each, a square as PNG; a test image as EXR under an environment.
+struct Photographs {
+    fs::path path;
+    OlatDataset dataset;
+    explicit Photographs(const char* name) : path(fs::temp_directory_path() / name)
+    {
+        fs::remove_all(path), fs::create_directories(path);
+        dataset.convention = "canonical", dataset.path = path.string(), dataset.colorSpace = ColorSpace::kSrgb;
+        dataset.splits.resize(2);
+        dataset.splits[0].name = "train", dataset.splits[1].name = "test";
+        for (uint32_t i = 0; i < 4; ++i) {
+            Camera c;
+            c.width = c.height = kSize, c.fx = c.fy = 20, c.cx = c.cy = kSize / 2;
+            const glm::dvec3 eye(3 * std::cos(0.5 * i), 3 * std::sin(0.5 * i), 1.0);
+            c.worldFromCamera = glm::inverse(glm::lookAt(eye, glm::dvec3(0), glm::dvec3(0, 0, 1)));
+            dataset.splits[0].cameras.push_back(c);
+            for (int l = 0; l < 3; ++l) {
+                Light light;
+                light.position = glm::vec3(eye) + glm::vec3(0, 0, 0.5f * float(l)), light.intensity = glm::vec3(10);
+                dataset.splits[0].images.push_back({i, light, file(std::to_string(i) + "_" + std::to_string(l) + ".png")});
+                write(3 * i + uint32_t(l), kSize, uint8_t(80 + 10 * i + 40 * uint32_t(l)));
+            }
+        }
+        dataset.splits[1].cameras = {dataset.splits[0].cameras[0]};
+        Light sky;
+        sky.type = LightType::kEnvironment, sky.environmentPath = file("sky.exr");
+        dataset.splits[1].images.push_back({0, sky, file("test.exr")});
+        Image bright{kSize, kSize, std::vector<float>(kSize * kSize * 4, 0.25f)};
+        for (int c = 0; c < 3; ++c) bright.pixel(3, 4)[c] = 7.5f;
+        REQUIRE(bool(writeExr(bright, file("test.exr"))));
+        REQUIRE(bool(writeExr(Image{4, 2, std::vector<float>(32, 1.0f)}, file("sky.exr"))));
+    }
+    ~Photographs() { fs::remove_all(path); }
+    std::string file(const std::string& name) const { return (path / name).string(); }
+    void write(uint32_t i, int size, uint8_t grey) const
+    {
+        std::vector<uint8_t> rgba(size_t(4 * size * size));
+        for (int y = 8; y < 13; ++y)
+            for (int x = 6; x < 14; ++x) {
+                uint8_t* p = &rgba[4 * size_t(y * size + x)];
+                p[0] = grey, p[1] = uint8_t(grey / 2), p[2] = uint8_t(x * 10), p[3] = 255;
+            }
+        REQUIRE(bool(writePng(dataset.splits[0].images[i].path, size, size, 4, rgba)));
+    }
+    Result<PackerReport> pack(PackerOptions options = {}, const std::atomic<bool>* cancel = nullptr, const std::function<void(size_t, size_t, double)>& progress = {}) const
+    {
+        options.output = file("packed");
+        return packDataset(dataset, options, progress, cancel);
+    }
+};
+
+std::string textOf(const fs::path& path)
+{
+    const auto bytes = readFile(path.string());
+    REQUIRE(bool(bytes));
+    return {reinterpret_cast<const char*>(bytes->data()), bytes->size()};
+}
+
+} // namespace
+
+TEST_CASE("a packed dataset gives the images of the files, and needs them no more")
+{
+    Photographs p("nacre_test_prepare");
+    std::vector<std::vector<float>> before;
+    ImageCache files(p.dataset, 0);
+    for (const OlatSplit& split : p.dataset.splits)
+        for (size_t i = 0; i < split.images.size(); ++i) before.push_back((*files.load(split, i))->rgba);
+    const auto report = p.pack();
+    REQUIRE(bool(report));
+    CHECK(report->images == 13);
+    CHECK(report->halves == 1);
+    CHECK(report->skipped.empty());
+    for (const fs::directory_entry& e : fs::directory_iterator(p.path))
+        if (!e.is_directory()) fs::remove(e.path());
+
+    const auto packed = loadDataset(p.file("packed"));
+    REQUIRE(bool(packed));
+    REQUIRE(packed->splits.size() == 2);
+    ImageCache images(*packed, 0);
+    size_t k = 0;
+    for (const OlatSplit& split : packed->splits)
+        for (size_t i = 0; i < split.images.size(); ++i) CHECK((*images.load(split, i))->rgba == before[k++]);
+    CHECK(readExr(packed->splits[1].images[0].light.environmentPath));
+    CHECK(packed->splits[0].images[5].light.position == p.dataset.splits[0].images[5].light.position);
+    CHECK(packed->splits[0].cameras[2].cx == p.dataset.splits[0].cameras[2].cx);
+
+    const auto again = p.pack();
+    REQUIRE(!again);
+    CHECK(again.error().code == ErrorCode::kBadInput);
+    CHECK(again.error().message.find("is there already") != std::string::npos);
+}
+
+TEST_CASE("broken, black and odd-sized files are left out of the pack by name; --strict refuses them")
+{
+    Photographs p("nacre_test_prepare_broken");
+    const auto& images = p.dataset.splits[0].images;
+    fs::resize_file(images[1].path, fs::file_size(images[1].path) / 2);
+    p.write(4, kSize, 0);
+    { // black in every channel
+        std::vector<uint8_t> rgba(kSize * kSize * 4);
+        REQUIRE(bool(writePng(images[4].path, kSize, kSize, 4, rgba)));
+    }
+    p.write(6, kSize + 1, 100);
+    PackerOptions strict;
+    strict.strict = true;
+    const auto refused = p.pack(strict);
+    REQUIRE(!refused);
+    CHECK(refused.error().code == ErrorCode::kBadInput);
+    CHECK(refused.error().message.find("3 images") != std::string::npos);
+    CHECK(!fs::exists(p.file("packed")));
+    CHECK(!loadDataset(p.file("packed.part")));
+
+    const auto report = p.pack(); // goes on with what the refused run has read
+    REQUIRE(bool(report));
+    CHECK(report->reused == 13);
+    REQUIRE(report->skipped.size() == 3);
+    size_t k = 0;
+    for (const size_t i : {1, 4, 6}) {
+        CHECK(report->skipped[k].path == images[i].path);
+        CHECK(textOf(p.path / "packed" / "skipped.txt").find(report->skipped[k++].why) != std::string::npos);
+    }
+    const auto packed = loadDataset(p.file("packed"));
+    REQUIRE(bool(packed));
+    CHECK(packed->splits[0].images.size() == 9);
+    CHECK(packed->packed->skipped.size() == 3);
+}
+
+TEST_CASE("an interrupted run is completed; files that have changed since and pixels that were damaged are read again")
+{
+    Photographs p("nacre_test_prepare_resume");
+    const auto whole = p.pack();
+    REQUIRE(bool(whole));
+    const std::string pixels = textOf(p.path / "packed" / "pixels.bin");
+    fs::remove_all(p.file("packed"));
+
+    std::atomic<bool> stop{false};
+    PackerOptions small;
+    small.memoryBytes = 1; // one image at a time
+    const auto stopped = p.pack(small, &stop, [&](size_t done, size_t, double) { stop = done >= 6; });
+    REQUIRE(!stopped);
+    CHECK(stopped.error().code == ErrorCode::kCancelled);
+    CHECK(!fs::exists(p.file("packed")));
+    { // a record that was cut off while it was written, as a crash would leave it
+        std::ofstream journal(p.path / "packed.part" / "journal.bin", std::ios::binary | std::ios::app);
+        journal << "\x40\0\0\0";
+    }
+    {
+        std::fstream file(p.path / "packed.part" / "pixels.bin", std::ios::binary | std::ios::in | std::ios::out);
+        file.seekp(0);
+        file << "damage";
+    }
+    const auto completed = p.pack(small);
+    REQUIRE(bool(completed));
+    CHECK(completed->reused >= 4);
+    CHECK(completed->reused < 13);
+    const auto packed = loadDataset(p.file("packed"));
+    REQUIRE(bool(packed));
+    ImageCache images(*packed, 0), files(p.dataset, 0);
+    for (size_t i = 0; i < 12; ++i) CHECK((*images.load(packed->splits[0], i))->rgba == (*files.load(p.dataset.splits[0], i))->rgba);
+    fs::remove_all(p.file("packed"));
+
+    stop = false;
+    REQUIRE(!p.pack(small, &stop, [&](size_t done, size_t, double) { stop = done >= 6; }));
+    p.write(2, kSize, 33); // mended in the meantime
+    const auto mended = p.pack(small);
+    REQUIRE(bool(mended));
+    const auto then = loadDataset(p.file("packed"));
+    REQUIRE(bool(then));
+    ImageCache now(*then, 0);
+    CHECK((*now.load(then->splits[0], 2))->rgba == (*files.load(p.dataset.splits[0], 2))->rgba);
+}
+
+TEST_CASE("a disk that does not suffice for halves gets bytes, one that does not suffice for bytes is refused with the need")
+{
+    Photographs p("nacre_test_prepare_disk");
+    PackerOptions options;
+    options.diskBytes = 13 * 4 * kSize * kSize * 2 / 3; // of whole frames: less than the test image as halves and all the squares
+    for (OlatImage& image : p.dataset.splits[0].images) image.path = p.file("test.exr");
+    const auto report = p.pack(options);
+    REQUIRE(!report);
+    CHECK(report.error().code == ErrorCode::kBadInput);
+    CHECK(report.error().message.find("needs about") != std::string::npos);
+    CHECK(!fs::exists(p.file("packed.part")));
+    options.diskBytes = 13 * 4 * kSize * kSize * 3 / 2;
+    const auto bytes = p.pack(options);
+    REQUIRE(bool(bytes));
+    CHECK(bytes->halves == 0);
+    CHECK(bytes->notes.size() == 1);
+    fs::remove_all(p.file("packed"));
+    options.pixels = PackerOptions::Pixels::kHalves;
+    CHECK(!p.pack(options));
+}
