@@ -9,6 +9,8 @@
 #include "peak_memory.h"
 #include "train/checkpoint.h"
 #include "train/choose_model.h"
+#include "train/dataset_packer.h"
+#include "train/memory.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,7 +23,9 @@ namespace nacre::cli {
 struct BakeArguments {
     std::string dataset, output, device = "auto", profile = "compact", json, init;
     bool restart = false;
+    double memory = 0; // GB; 0: half of the machine's
     BakeOptions options;
+    std::string packedPath() const { return output + ".packed"; } // of a set that does not fit the memory: its images, until the bake ends
     std::string trialsPath() const { return output + ".trials"; } // of --model auto; what it has tried
 };
 
@@ -81,6 +85,12 @@ static Status checkLeftovers(const BakeArguments& args)
 static Result<std::vector<UnusableImage>> findSkipped(const BakeArguments& args, const OlatDataset& dataset, const OlatSplit& train,
                                                       Progress& progress, const std::atomic<bool>& stop)
 {
+    if (dataset.packed) { // those that it has can be used
+        std::vector<UnusableImage> skipped;
+        for (const SkippedImage& s : dataset.packed->skipped)
+            if (s.split == train.name) skipped.push_back({s.path, s.why});
+        return skipped;
+    }
     const std::string& left = exists(args.options.checkpointPath) ? args.options.checkpointPath : args.trialsPath();
     if (!args.options.resume) {
         const auto show = [&](size_t done, size_t all) { progress.show(format("checking images %zu/%zu", done, all)); };
@@ -104,6 +114,30 @@ static void warnOfImages(const std::vector<UnusableImage>& images, size_t all, c
     for (size_t i = 0; i < std::min(images.size(), kNamed); ++i) warn(format("%s: ", what) + images[i].why);
     warn(format("%zu of %zu training images %s", images.size(), all, what) +
          (images.size() > kNamed ? format(", %zu of them named above", kNamed) : std::string()));
+}
+
+/// The dataset prepared for this bake alone: a set that does not fit the memory would be decoded again and again. What an interrupted bake has left is
+/// used if the files are as they were.
+static Result<OlatDataset> packedForThis(const BakeArguments& args, const OlatDataset& dataset, size_t memoryBytes, Progress& progress, const std::atomic<bool>& stop)
+{
+    const std::string path = args.packedPath();
+    std::error_code ignored;
+    if (exists(path)) {
+        auto left = loadDataset(path);
+        if (left && left->packed && left->packed->sourceState == sourceState(dataset)) return left;
+        std::filesystem::remove_all(path, ignored);
+    }
+    PackerOptions options;
+    options.output = path, options.memoryBytes = memoryBytes / 4;
+    const auto show = [&](size_t done, size_t all, double left) {
+        progress.show(format("preparing %zu/%zu images", done, all) + (left >= 0 ? ", " + clockText(left) + " left" : std::string()));
+    };
+    const auto report = packDataset(dataset, options, show, &stop);
+    progress.clear();
+    if (!report) return report.error();
+    for (const std::string& line : report->notes) warn(line);
+    std::printf("the images do not fit the memory: prepared in %s (%.1f GB), which goes when the bake ends; nacre prepare would keep it\n", path.c_str(), double(report->bytes) / 1e9);
+    return loadDataset(path);
 }
 
 /// --model auto: tries the models, or those that an interrupted bake has not tried, and says what to go on with.
@@ -271,10 +305,28 @@ static Status runBake(BakeArguments args)
     if (!dataset) return dataset.error();
     auto train = findSplit(*dataset, "train");
     if (!train) return train.error();
-    const size_t imageCount = (*train)->images.size();
+    const size_t memoryBytes = args.memory > 0 ? size_t(args.memory * 1e9) : machineMemory() / 2;
+    if (!args.json.empty() && dataset->find("test")) options.track = BakeOptions::Track::kNowAndThen;
+    const auto budget = imageBudget(memoryBytes, *dataset, options);
+    if (!budget) return budget.error();
+    options.imageBudgetBytes = *budget;
+    if (!dataset->packed && preparedBytes(**train) > *budget) {
+        auto packed = packedForThis(args, *dataset, memoryBytes, progress, stop);
+        if (packed) {
+            *dataset = std::move(*packed);
+            train = findSplit(*dataset, "train");
+            if (!train) return train.error();
+        } else if (packed.error().code == ErrorCode::kIo) {
+            warn(packed.error().message + "; images are decoded whenever they are needed instead");
+        } else {
+            return packed.error();
+        }
+    }
+    size_t imageCount = (*train)->images.size();
     auto skipped = findSkipped(args, *dataset, **train, progress, stop);
     progress.clear();
     if (!skipped) return skipped.error();
+    if (dataset->packed) imageCount += skipped->size();
     warnOfImages(*skipped, imageCount, "skipped");
     options.skipped = std::move(*skipped);
     *dataset = without(std::move(*dataset), "train", options.skipped);
@@ -285,7 +337,6 @@ static Status runBake(BakeArguments args)
         if (!suspicions) return suspicions.error();
         for (const std::string& line : *suspicions) warn(line);
     }
-    if (!args.json.empty() && dataset->find("test")) options.track = BakeOptions::Track::kNowAndThen;
     options.secondsBefore = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count() + packingSeconds(args);
     std::error_code ignored;
     if (args.restart)
@@ -309,6 +360,7 @@ static Status runBake(BakeArguments args)
     for (const std::string& line : stored->warnings) warn(line);
     if (Status s = writeFileAtomically(args.output, stored->file); !s) return withResumeHint(s.error(), args);
     for (const std::string& done : {options.checkpointPath, args.trialsPath()}) std::filesystem::remove(done, ignored);
+    std::filesystem::remove_all(args.packedPath(), ignored);
 
     const size_t splats = stored->splats, bytes = stored->file.size(), peak = peakMemoryBytes();
     std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat)\n", args.output.c_str(), result->asset.model.c_str(),
@@ -375,6 +427,7 @@ Action addBake(CLI::App& app)
     sub->add_option("--threads", o.threads, "0: all cores; the result does not depend on it")
         ->check(wholeNumber(0, 4096))
         ->capture_default_str();
+    sub->add_option("--memory", args->memory, "At most so much [GB] (default: half of the machine's); sets that do not fit are prepared beside the output first")->check(positiveNumber());
     sub->add_option("--seed", o.seed, "Of every random choice")->check(wholeNumber(0, INT64_MAX))->capture_default_str();
     sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality, and no more than the images can resolve)")
         ->check(wholeNumber(1, 100000000));

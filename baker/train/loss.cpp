@@ -176,6 +176,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 #include "base/color.h"
 #include "base/half.h"
+#include "train/display_code.h"
 
 #include <tbb/parallel_for.h>
 
@@ -192,6 +193,7 @@ PreparedImage prepareImage(const Image& linear)
     p.width = linear.width, p.height = linear.height;
     const size_t pixels = size_t(p.width) * p.height;
     p.planes.resize(4 * pixels), p.linear.resize(3 * pixels);
+    const DisplayCodes& codes = DisplayCodes::table();
     for (size_t i = 0; i < pixels; ++i) {
         if (linear.rgba[4 * i + 3] < 0) {
             if (p.unknown++ == 0) p.known.assign(pixels, 65535);
@@ -200,7 +202,7 @@ PreparedImage prepareImage(const Image& linear)
         }
         for (int c = 0; c < 3; ++c) {
             const float x = std::clamp(linear.rgba[4 * i + c], 0.0f, 1.0f);
-            p.planes[c * pixels + i] = uint16_t(std::lround(65535.0f * srgbFromLinear(x)));
+            p.planes[c * pixels + i] = codes(x);
             p.linear[c * pixels + i] = halfFromFloat(x);
         }
         p.planes[3 * pixels + i] = uint16_t(std::lround(65535.0f * std::clamp(linear.rgba[4 * i + 3], 0.0f, 1.0f)));

@@ -3,22 +3,27 @@
 
 #include "base/color.h"
 #include "train/data_check.h"
+#include "train/memory.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <tuple>
-#include <unistd.h>
 
 namespace nacre {
 
-Status checkMemory(const Camera& camera, size_t machineBytes)
+size_t stepBytes(const Camera& camera)
 {
     // Of four images at once: what is blended, what is shown, the gradients of both (sss: 26 and 12 planes of floats, and coverage),
     // the references (14 bytes a pixel each), and one file while it is read (32 bytes).
     constexpr size_t kBytesPerPixel = 2 * (27 + 13) * sizeof(float) + 4 * 14 + 32;
-    const size_t needed = size_t(camera.width) * size_t(camera.height) * kBytesPerPixel;
+    return size_t(camera.width) * size_t(camera.height) * kBytesPerPixel;
+}
+
+Status checkMemory(const Camera& camera, size_t machineBytes)
+{
+    const size_t needed = stepBytes(camera);
     if (needed <= machineBytes) return ok();
     const auto gigabytes = [](size_t bytes) { return std::to_string((bytes + (size_t(1) << 29)) >> 30); };
     return Error{ErrorCode::kUnsupported, "train images of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
@@ -38,12 +43,6 @@ constexpr uint16_t kObjectAlpha = 32768; // of 65535: from here on a pixel shows
 // Every stride-th of `count` items makes about `wanted`.
 size_t strideFor(size_t count, size_t wanted) { return (count + wanted - 1) / wanted; }
 
-size_t machineBytes()
-{
-    const long pages = sysconf(_SC_PHYS_PAGES), bytes = sysconf(_SC_PAGESIZE);
-    return pages > 0 && bytes > 0 ? size_t(pages) * size_t(bytes) : std::numeric_limits<size_t>::max();
-}
-
 Status checkSplit(const OlatDataset& dataset, const OlatSplit& split, const std::vector<CameraImages>& views)
 {
     if (views.empty())
@@ -58,7 +57,7 @@ Status checkSplit(const OlatDataset& dataset, const OlatSplit& split, const std:
             return Error{ErrorCode::kUnsupported, dataset.path + ": train images of " + std::to_string(c.width) + "x" +
                                                       std::to_string(c.height) + " pixels; at most " +
                                                       std::to_string(kMostPixelsPerSide) + " per side, scale them down"};
-        if (Status s = checkMemory(c, machineBytes()); !s) return Error{s.error().code, dataset.path + ": " + s.error().message};
+        if (Status s = checkMemory(c, machineMemory()); !s) return Error{s.error().code, dataset.path + ": " + s.error().message};
     }
     return ok();
 }
@@ -84,6 +83,9 @@ Result<Masks> loadMasks(const Preparation& p, const Tick& tick)
     for (const CameraImages& view : p.views)
         pixelsOfOne = std::max(pixelsOfOne, size_t(p.split->cameras[view.camera].width) * size_t(p.split->cameras[view.camera].height));
     const size_t wanted = std::clamp(kMaskBytes / pixelsOfOne, kLeastHullCameras, kHullCameras);
+    std::vector<uint32_t> expected;
+    for (size_t k = 0; k < p.views.size(); k += strideFor(p.views.size(), wanted)) expected.push_back(p.views[k].images[0]);
+    p.images->expect(expected);
     for (size_t k = 0; k < p.views.size(); k += strideFor(p.views.size(), wanted)) {
         if (Status s = tick("loading"); !s) return s.error();
         auto image = p.images->get(p.views[k].images[0]);

@@ -27,6 +27,8 @@ struct Preparation {
 /// Called often, with the name of what is being done ("loading", "hull"). An error ends the preparation with it.
 using Tick = std::function<Status(const char* stage)>;
 
+/// What a step with images of this camera takes.
+size_t stepBytes(const Camera& camera);
 /// kUnsupported: images so large that a step does not fit a machine with so much memory.
 Status checkMemory(const Camera& camera, size_t machineBytes);
 

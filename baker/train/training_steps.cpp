@@ -1,6 +1,7 @@
 #include "train/training_steps.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace nacre {
 
@@ -9,8 +10,20 @@ constexpr double kRefineLightsFrom = 0.1; // of the bake: before, the splats are
 
 TrainingSteps::TrainingSteps(const OlatSplit& split, TrainingImages& images, StepOrder order, Trainer& trainer,
                              LightRefinement* refinement)
-    : split_(split), images_(images), order_(std::move(order)), trainer_(trainer), refinement_(refinement)
+    : split_(split), images_(images), order_(order), ahead_(std::move(order)), trainer_(trainer), refinement_(refinement)
 {
+}
+
+/// Tells what the steps from this one on will see.
+void TrainingSteps::expectFrom(int step)
+{
+    constexpr int kSteps = 8; // enough that no thread waits for the step to end; few bytes beside those of a step
+    std::vector<uint32_t> images;
+    for (int k = 0; k < kSteps; ++k) {
+        const CameraImages view = ahead_.at(step + k);
+        std::copy_if(view.images.begin(), view.images.end(), std::back_inserter(images), [&](uint32_t i) { return !lost_.count(i); });
+    }
+    images_.expect(images);
 }
 
 Result<LossStats> TrainingSteps::take(const Trainer::Moment& moment)
@@ -37,6 +50,7 @@ Result<LossStats> TrainingSteps::take(const Trainer::Moment& moment, bool refine
         if (image) held.push_back(*image), readable.push_back(i);
         else lost_[i] = image.error().message;
     }
+    expectFrom(moment.step + 1);
     if (3 * lost_.size() > split_.images.size())
         return Error{ErrorCode::kIo, "more than a third of the training images can no longer be read; " + lost_.begin()->second};
     if (readable.empty()) return LossStats{};
@@ -61,6 +75,7 @@ bool TrainingSteps::gatherEvidence(int step, const std::function<bool()>& goOn, 
     for (size_t k = 0; k < count; ++k) {
         if (!goOn()) return false;
         const CameraImages view = order_.at(step + int(k));
+        expectFrom(step + int(k));
         std::vector<std::shared_ptr<const PreparedImage>> held;
         const PreparedImage* references[kMaxLightsPerStep];
         std::vector<Light> lights;

@@ -31,11 +31,12 @@ public:
     std::vector<UnusableImage> lost() const;
 
 private:
+    void expectFrom(int step);
     Result<LossStats> take(const Trainer::Moment& moment, bool refines, double* splatErrors);
 
     const OlatSplit& split_;
     TrainingImages& images_;
-    StepOrder order_;
+    StepOrder order_, ahead_; // the same; each remembers the pass it is in
     Trainer& trainer_;
     LightRefinement* refinement_;
     std::map<uint32_t, std::string> lost_; // why, by image
