@@ -1,5 +1,7 @@
 #include "train/training_images.h"
 
+#include "train/packed_reference.h"
+
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -28,6 +30,12 @@ TrainingImages::~TrainingImages()
 TrainingImages::Loaded TrainingImages::load(uint32_t imageIndex)
 {
     try {
+        if (dataset_.packed && dataset_.shrink == 1) {
+            const size_t block = split_.images[imageIndex].packedBlock;
+            const auto bytes = dataset_.packed->read(block);
+            if (!bytes) return bytes.error();
+            return Loaded(std::make_shared<const PreparedImage>(preparePacked(dataset_.packed->blocks[block], *bytes)));
+        }
         const auto file = files_.load(split_, imageIndex);
         if (!file) return file.error();
         return Loaded(std::make_shared<const PreparedImage>(prepareImage(**file)));

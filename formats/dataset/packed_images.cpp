@@ -17,7 +17,6 @@ namespace {
 
 constexpr int kMargin = 4;                  // pixels around what is not empty
 constexpr float kHalfDisplayStep = 1.5e-4f; // darker than this is black on an 8-bit display
-constexpr std::array<uint8_t, 4> kUnknownBytes = {255, 255, 255, 0};
 
 /// The sRGB byte nearest to a linear value as displayed.
 class SrgbBytes {
@@ -55,20 +54,6 @@ const std::array<float, 256>& linearOfBytes()
     return kTable;
 }
 
-const std::vector<float>& floatsOfHalves()
-{
-    static const std::vector<float> kTable = [] {
-        std::vector<float> t(65536);
-        for (uint32_t h = 0; h < t.size(); ++h) {
-            const uint32_t exponent = h >> 10 & 31u, mantissa = h & 1023u;
-            const float magnitude = exponent == 31 ? 0.0f : exponent == 0 ? std::ldexp(float(mantissa), -24) : std::ldexp(float(1024 + mantissa), int(exponent) - 25);
-            t[h] = h & 0x8000u ? -magnitude : magnitude; // what the format does not hold (NaN, infinity) is 0
-        }
-        return t;
-    }();
-    return kTable;
-}
-
 // What is unknown may be the object: too bright for its file.
 bool isEmpty(const float* rgba) { return rgba[3] == 0.0f && std::max({rgba[0], rgba[1], rgba[2]}) <= kHalfDisplayStep; }
 
@@ -94,12 +79,12 @@ void encodeRow(const float* from, int count, uint8_t* to)
     static const SrgbBytes kBytes;
     for (int i = 0; i < count; ++i, from += 4, to += 4) {
         if (from[3] < 0) {
-            std::copy(kUnknownBytes.begin(), kUnknownBytes.end(), to);
+            to[0] = to[1] = to[2] = 255, to[3] = 0;
             continue;
         }
         for (int c = 0; c < 3; ++c) to[c] = kBytes(from[c]);
         to[3] = uint8_t(std::min(from[3], 1.0f) * 255.0f + 0.5f);
-        if (to[3] == 0 && std::equal(to, to + 4, kUnknownBytes.begin())) to[0] = 254; // light without coverage, off the scale
+        if (isUnknown(to)) to[0] = 254; // light without coverage, off the scale
     }
 }
 
@@ -111,11 +96,10 @@ void encodeRow(const float* from, int count, uint16_t* to)
 void decodeRow(const std::byte* from, int count, bool halves, float* to)
 {
     if (halves) {
-        const std::vector<float>& table = floatsOfHalves();
         for (int i = 0; i < 4 * count; ++i) {
             uint16_t h;
             std::memcpy(&h, from + 2 * i, 2);
-            to[i] = table[h];
+            to[i] = floatFromHalf(h);
         }
         for (int i = 0; i < count; ++i) to[4 * i + 3] = to[4 * i + 3] < 0 ? kUnknownAlpha : std::min(to[4 * i + 3], 1.0f);
         return;
@@ -123,7 +107,7 @@ void decodeRow(const std::byte* from, int count, bool halves, float* to)
     const std::array<float, 256>& table = linearOfBytes();
     const auto* bytes = reinterpret_cast<const uint8_t*>(from);
     for (int i = 0; i < count; ++i, bytes += 4, to += 4) {
-        if (std::equal(bytes, bytes + 4, kUnknownBytes.begin())) {
+        if (isUnknown(bytes)) {
             to[3] = kUnknownAlpha;
             continue;
         }
@@ -133,6 +117,20 @@ void decodeRow(const std::byte* from, int count, bool halves, float* to)
 }
 
 } // namespace
+
+float floatFromHalf(uint16_t half)
+{
+    static const std::vector<float> kTable = [] {
+        std::vector<float> t(65536);
+        for (uint32_t h = 0; h < t.size(); ++h) {
+            const uint32_t exponent = h >> 10 & 31u, mantissa = h & 1023u;
+            const float magnitude = exponent == 31 ? 0.0f : exponent == 0 ? std::ldexp(float(mantissa), -24) : std::ldexp(float(1024 + mantissa), int(exponent) - 25);
+            t[h] = h & 0x8000u ? -magnitude : magnitude;
+        }
+        return t;
+    }();
+    return kTable[half];
+}
 
 // Four sums side by side, for speed: each step is a bijection of its sum, so no change of one byte goes unnoticed.
 uint64_t hashOfPixels(std::span<const std::byte> bytes)

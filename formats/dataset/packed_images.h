@@ -33,6 +33,10 @@ uint64_t hashOfPixels(std::span<const std::byte> bytes);
 
 /// The stored bytes of an image; `block` gets all but its offset. Values above what the format holds are cut off.
 std::vector<std::byte> encodePixels(const Image& image, bool halves, PackedBlock& block);
+/// Four bytes that stand for a pixel of which nothing is known.
+inline bool isUnknown(const uint8_t* rgba) { return rgba[0] == 255 && rgba[1] == 255 && rgba[2] == 255 && rgba[3] == 0; }
+/// A stored half; 0 for NaN and infinity, which encodePixels never stores.
+float floatFromHalf(uint16_t half);
 /// `bytes`: block.bytes() of them; any are safe.
 Image decodePixels(const PackedBlock& block, std::span<const std::byte> bytes);
 

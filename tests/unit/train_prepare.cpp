@@ -1,13 +1,18 @@
 // nacre prepare as a library: the packed dataset is the dataset, without what cannot be used.
 #include "train/dataset_packer.h"
 
+#include "base/color.h"
 #include "base/file.h"
 #include "interchange/exr.h"
 #include "interchange/png.h"
+#include "train/display_code.h"
+#include "train/packed_reference.h"
+#include "train/training_images.h"
 
 #include <doctest/doctest.h>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include <bit>
 #include <filesystem>
 #include <fstream>
 
@@ -108,6 +113,56 @@ TEST_CASE("a packed dataset gives the images of the files, and needs them no mor
     REQUIRE(!again);
     CHECK(again.error().code == ErrorCode::kBadInput);
     CHECK(again.error().message.find("is there already") != std::string::npos);
+}
+
+TEST_CASE("what the loss reads of packed pixels is what it would read of the files, to the last bit")
+{
+    Image image{37, 29, std::vector<float>(37 * 29 * 4)};
+    for (int y = 8; y < 20; ++y)
+        for (int x = 5; x < 30; ++x) {
+            float* p = image.pixel(x, y);
+            for (int c = 0; c < 3; ++c) p[c] = float((7 * x + 13 * y + 5 * c) % 101) / 95.0f - 0.01f; // some below 0 and above 1
+            p[3] = float((x * y) % 17) / 16.0f;
+            if ((x + y) % 19 == 0) p[0] = p[1] = p[2] = 0, p[3] = kUnknownAlpha;
+        }
+    for (const bool halves : {false, true}) {
+        PackedBlock block;
+        const auto bytes = encodePixels(image, halves, block);
+        const PreparedImage a = preparePacked(block, bytes), b = prepareImage(decodePixels(block, bytes));
+        CHECK(a.planes == b.planes);
+        CHECK(a.linear == b.linear);
+        CHECK(a.known == b.known);
+        CHECK(a.unknown == b.unknown);
+        CHECK(a.unknown > 0);
+    }
+}
+
+TEST_CASE("gamma codes from tables are those of the formula")
+{
+    const DisplayCodes& codes = DisplayCodes::table();
+    for (uint32_t bits = 0; bits <= std::bit_cast<uint32_t>(1.0f); bits += 9973) {
+        const float x = std::bit_cast<float>(bits);
+        REQUIRE(codes(x) == uint16_t(std::lround(65535.0f * srgbFromLinear(x))));
+    }
+}
+
+TEST_CASE("images that are loaded ahead are the same, within the budget, and an error comes when its image is got")
+{
+    Photographs p("nacre_test_prepare_ahead");
+    const OlatSplit& train = p.dataset.splits[0];
+    fs::remove(train.images[7].path);
+    TrainingImages alone(p.dataset, train, 1 << 20);
+    const size_t one = (*alone.get(0))->bytes();
+    TrainingImages ahead(p.dataset, train, 4 * one);
+    const std::vector<uint32_t> order = {3, 7, 1, 0, 11, 5, 3, 2, 7, 8, 4, 0, 10};
+    for (size_t k = 0; k < order.size(); ++k) {
+        ahead.expect(std::span(order).subspan(k + 1));
+        const auto image = ahead.get(order[k]), reference = alone.get(order[k]);
+        REQUIRE(bool(image) == bool(reference));
+        CHECK(bool(image) == (order[k] != 7));
+        if (image) CHECK((*image)->planes == (*reference)->planes);
+        CHECK(ahead.residentBytes() <= 4 * one);
+    }
 }
 
 TEST_CASE("broken, black and odd-sized files are left out of the pack by name; --strict refuses them")
