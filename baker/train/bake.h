@@ -70,8 +70,8 @@ struct BakeResult {
     std::vector<std::string> warnings;
 };
 
-/// How many steps a bake makes unless its minutes end first: those of its quality; in minutes, more for more images than the quality was
-/// tuned on, so that each is seen as often. 0: no such quality.
+/// How many steps a bake makes unless its minutes end first: those of its quality, more where a step shows fewer images than it could, and enough to see
+/// each image a few times; in minutes, so many that each is seen as often as those that the quality was tuned on. 0: no such quality.
 int bakeIterations(const BakeOptions& options, const OlatDataset& dataset);
 
 /// How often so many steps show a training image, in the mean, against the most that has been found to help at this quality; above 1 they

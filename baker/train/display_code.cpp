@@ -43,8 +43,8 @@ DisplayCodes::DisplayCodes() : least_(65537)
 
 uint16_t DisplayCodes::operator()(float x) const
 {
+    if (!(x >= std::bit_cast<float>(kFirst))) return 0; // -0 is 0, too
     const uint32_t bits = std::bit_cast<uint32_t>(x);
-    if (bits < kFirst) return 0;
     const uint32_t cell = (bits - kFirst) >> kShift, step = (bits - kFirst) & ((1u << kShift) - 1);
     uint32_t code = std::min(uint32_t(cells_[cell].code + cells_[cell].perStep * float(step) + 0.5f), 65535u);
     while (x < least_[code]) --code;

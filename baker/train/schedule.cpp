@@ -30,30 +30,39 @@ double clockSeconds() { return std::chrono::duration<double>(std::chrono::steady
 
 } // namespace
 
-// How many steps show every image once, in the mean: 75 in the sets that the qualities were tuned on (75 cameras, 4 lights each).
-static double stepsForAll(const OlatDataset& dataset)
+/// What steps show of the images, in the mean.
+struct Shown {
+    double stepsForAll = 0; // show every image once: 75 in the sets that the qualities were tuned on (75 cameras, 4 lights each)
+    double perStep = 0;     // images
+};
+
+static Shown shownBy(const OlatDataset& dataset)
 {
     const OlatSplit* train = dataset.find("train");
     double images = 0, perPass = 0, passLength = 0;
     for (const CameraImages& view : groupByCamera(train ? *train : OlatSplit()))
         images += double(view.images.size()), perPass += double(std::min<size_t>(view.images.size(), kMaxLightsPerStep)), ++passLength;
-    return images > 0 ? images / perPass * passLength : 0;
+    return images > 0 ? Shown{images / perPass * passLength, perPass / passLength} : Shown();
 }
 constexpr double kTunedStepsForAll = 75;
 
 double saturation(int steps, const BakeOptions& options, const OlatDataset& dataset)
 {
     const Quality* quality = findQuality(options.quality);
-    return quality ? double(steps) / quality->iterations * kTunedStepsForAll / std::max(stepsForAll(dataset), 1.0) : 0;
+    return quality ? double(steps) / quality->iterations * kTunedStepsForAll / std::max(shownBy(dataset).stepsForAll, 1.0) : 0;
 }
 
 int bakeIterations(const BakeOptions& options, const OlatDataset& dataset)
 {
     constexpr double kMost = 1e8;
+    constexpr double kLeastVisits = 5; // an image that was photographed is worth looking at
     const Quality* quality = findQuality(options.quality);
     if (options.iterations > 0 || !quality) return std::max(options.iterations, 0);
-    const double more = options.minutes > 0 ? std::max(1.0, stepsForAll(dataset) / kTunedStepsForAll) : 1.0;
-    return int(std::min(more * quality->iterations, kMost));
+    const Shown shown = shownBy(dataset);
+    double steps = quality->iterations;
+    if (options.minutes > 0) steps *= std::max(1.0, shown.stepsForAll / kTunedStepsForAll);
+    else if (shown.perStep > 0) steps = std::max(steps * std::max(1.0, kMaxLightsPerStep / shown.perStep), kLeastVisits * shown.stepsForAll);
+    return int(std::min(steps, kMost));
 }
 
 int bakeSplats(const BakeOptions& options)

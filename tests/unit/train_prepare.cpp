@@ -140,6 +140,7 @@ TEST_CASE("what the loss reads of packed pixels is what it would read of the fil
 TEST_CASE("gamma codes from tables are those of the formula")
 {
     const DisplayCodes& codes = DisplayCodes::table();
+    CHECK(codes(-0.0f) == 0);
     for (uint32_t bits = 0; bits <= std::bit_cast<uint32_t>(1.0f); bits += 9973) {
         const float x = std::bit_cast<float>(bits);
         REQUIRE(codes(x) == uint16_t(std::lround(65535.0f * srgbFromLinear(x))));

@@ -48,7 +48,9 @@ TEST_CASE("a bake in minutes may see each image as often as those that its quali
     CHECK(bakeIterations(minutes(10), dataset(750, 4)) == 100000);
     CHECK(bakeIterations(minutes(10), dataset(300, 1)) == 40000); // a step shows one image, not four
     CHECK(bakeIterations(minutes(10), dataset(75, 16)) == 40000);
-    CHECK(bakeIterations({}, dataset(750, 4)) == 10000); // without minutes the quality says how long it takes
+    CHECK(bakeIterations({}, dataset(750, 4)) == 10000); // without minutes the quality says how long it takes,
+    CHECK(bakeIterations({}, dataset(2000, 1)) == 40000); // as many images shown,
+    CHECK(bakeIterations({}, dataset(100, 112)) == 14000); // and each of them five times
     BakeOptions given;
     given.iterations = 123;
     CHECK(bakeIterations(given, dataset(750, 4)) == 123);
