@@ -71,7 +71,7 @@ bake=("$nacre" bake "$sample" --max-splats 400 --s-functions 4 --profile lossles
 echo "-- arguments"
 expect 0 "" "$nacre" --help
 expect 0 "" "$nacre" --version
-for command in synth bake eval render convert info pack; do
+for command in synth prepare bake eval render convert info pack; do
     expect 0 "" "$nacre" $command --help
     expect 2 "--nosuch" "$nacre" $command a b -o c --nosuch
 done
@@ -163,6 +163,23 @@ grep -q '"images": 7,' eval.json || fail "eval counts images that it left out: $
 expect 0 "" "$nacre" info few
 grep -q "cannot be used" stdout.txt || fail "info does not say that images are broken: $(cat stdout.txt)"
 rm -rf few few.glb
+echo "-- prepared datasets"
+cp -r "$sample" set && truncate -s 300 set/train/r_0003.exr
+expect 2 "--strict: 1 images" "$nacre" prepare set -o packed --strict
+expect 2 "interrupted" "$nacre" info packed.part
+expect 0 "" "$nacre" prepare set -o packed --json prepare.json
+grep -q "r_0003.exr" packed/skipped.txt && grep -q '"reused"' prepare.json || fail "prepare does not say what it skipped"
+expect 2 "is there already" "$nacre" prepare set -o packed
+expect 2 "--disk" "$nacre" prepare set -o small --disk 0.00001
+expect 0 "" "$nacre" info packed
+grep -q "^train" stdout.txt || fail "info does not know the packed dataset: $(cat stdout.txt)"
+expect 2 "too little" "$nacre" bake packed -o b.glb --iterations 2 --memory 0.1
+rm set/train/*
+expect 0 "" "$nacre" bake packed -o b.glb --iterations 2 --seed 3
+grep -q "skipped: .*r_0003.exr" stderr.txt || fail "a bake of a packed dataset does not say what was skipped: $(cat stderr.txt)"
+truncate -s 2000 packed/pixels.bin
+expect 2 "pixels.bin" "$nacre" bake packed -o c.glb --iterations 2
+rm -rf set packed* b.glb prepare.json
 cp -r "$sample" empty && sed -i '/"frames"/,$d' empty/transforms_train.json && echo '"frames": []}' >>empty/transforms_train.json
 expect 2 "train" "$nacre" bake empty -o a.glb --iterations 2
 cp -r "$sample" broken && truncate -s 100 broken/transforms_train.json
