@@ -34,6 +34,7 @@ constexpr Writer kWriters[] = {
     {"sssgs", ColorSpace::kSrgb, true, kPoints, {0, 0, 0}, fitSssgs, describeSssgs},
     {"bigs", ColorSpace::kLinear, false, kPoints | kGroups, {0, 1, 0}, fitBigs, describeBigs},
     {"colmap", ColorSpace::kLinear, true, kPoints | kDirectionals, {0, 0, 0}, fitColmap, describeColmap},
+    {"rene", ColorSpace::kSrgb, true, kPoints, {0, 0, 1}, fitRene, describeRene},
 };
 
 const Writer* findWriter(const std::string& convention)

@@ -11,13 +11,14 @@
 
 namespace nacre {
 
-/// "canonical", "plpos", "sssgs", "bigs", "colmap".
+/// "canonical", "plpos", "sssgs", "bigs", "colmap", "rene".
 std::span<const char* const> writableConventions();
 
 /// Makes the dataset what `convention` can say, with one line in `warnings` for each thing left out (splits whose lights it has no words
 /// for). Sets the colour space and alpha of the files, turns the world so that the axis the convention expects is up, sorts splits as the
 /// loader will, and names the image files: OlatImage::path becomes relative to the dataset's folder.
-/// Errors kBadInput: nothing left to write; canonical: two image sizes in a split; bigs: a test light with several cameras.
+/// Errors kBadInput: nothing left to write; canonical: two image sizes in a split; bigs: a test light with several cameras;
+/// rene: two camera models.
 Result<OlatDataset> fitToConvention(OlatDataset dataset, const std::string& convention);
 
 /// One image in the dataset's file format: `image` is linear, premultiplied. Written atomically to `path`.

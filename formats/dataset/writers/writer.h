@@ -16,11 +16,13 @@ Status fitPlpos(OlatDataset& dataset);
 Status fitSssgs(OlatDataset& dataset);
 Status fitBigs(OlatDataset& dataset);
 Status fitColmap(OlatDataset& dataset);
+Status fitRene(OlatDataset& dataset);
 std::vector<DescriptionFile> describeCanonical(const OlatDataset& dataset, const OlatSplit& split, const Json& top);
 std::vector<DescriptionFile> describePlpos(const OlatDataset& dataset, const OlatSplit& split, const Json& top);
 std::vector<DescriptionFile> describeSssgs(const OlatDataset& dataset, const OlatSplit& split, const Json& top);
 std::vector<DescriptionFile> describeBigs(const OlatDataset& dataset, const OlatSplit& split, const Json& top);
 std::vector<DescriptionFile> describeColmap(const OlatDataset& dataset, const OlatSplit& split, const Json& top);
+std::vector<DescriptionFile> describeRene(const OlatDataset& dataset, const OlatSplit& split, const Json& top);
 
 /// <split>/r_0007<extension>, numbered in file order.
 void nameImages(OlatSplit& split, const std::string& extension);
