@@ -81,9 +81,11 @@ const std::vector<float>& linearFromSrgbTable()
 Status convert(Image& image, Encoding encoding, const std::string& path, const Note& note)
 {
     const std::vector<float>& table = linearFromSrgbTable();
+    const bool isSrgb = encoding.colorSpace == ColorSpace::kSrgb, hasBlack = encoding.blackLevel > 0;
     bool clamped = false;
     for (size_t i = 0; i < image.rgba.size(); i += 4) {
         float* p = image.rgba.data() + i;
+        if (p[0] == 0 && p[1] == 0 && p[2] == 0 && p[3] == 0 && !hasBlack) continue; // most of many images; 800 x 800 take 4 ms instead of 11
         if (!(p[3] >= -kAlphaOvershoot && p[3] <= 1.0f + kAlphaOvershoot)) {
             const size_t pixel = i / 4, w = size_t(image.width);
             return Error{ErrorCode::kBadInput, path + ": alpha " + std::to_string(p[3]) + " at pixel (" + std::to_string(pixel % w) + ", " +
@@ -91,12 +93,12 @@ Status convert(Image& image, Encoding encoding, const std::string& path, const N
                                                    (p[3] > 2 ? "; is alpha stored as 0 to 255, or is it depth?" : "")};
         }
         clamped = clamped || p[3] < -kAlphaSlack || p[3] > 1.0f + kAlphaSlack;
-        p[3] = std::fmin(std::fmax(p[3], 0.0f), 1.0f);
+        p[3] = std::clamp(p[3], 0.0f, 1.0f);
         bool unknown = false;
         for (int c = 0; c < 3; c++) {
             const bool saturated = p[c] >= encoding.whiteLevel;
-            if (encoding.blackLevel > 0) p[c] = (p[c] - encoding.blackLevel) / (1.0f - encoding.blackLevel);
-            if (encoding.colorSpace == ColorSpace::kSrgb) p[c] = table[size_t(std::lround(std::clamp(p[c], 0.0f, 1.0f) * 65535.0f))];
+            if (hasBlack) p[c] = (p[c] - encoding.blackLevel) / (1.0f - encoding.blackLevel);
+            if (isSrgb) p[c] = table[size_t(std::clamp(p[c], 0.0f, 1.0f) * 65535.0f + 0.5f)];
             p[c] *= encoding.gain[c];
             unknown = unknown || (saturated && p[c] < kShownWhite); // above that, losses and metrics know it to be white at least
             if (!encoding.premultiplied) p[c] *= p[3];
