@@ -45,20 +45,24 @@ TrainingImages::Loaded TrainingImages::load(uint32_t imageIndex)
 }
 
 // Evicts what was used longest ago. What is ahead is the most recent there is, and at most half of the budget, so it stays until it is got.
-void TrainingImages::keep(uint32_t imageIndex, std::shared_ptr<const PreparedImage> image, bool ahead)
+void TrainingImages::keep(uint32_t imageIndex, std::shared_ptr<const PreparedImage> image)
 {
     const size_t bytes = image->bytes();
     resident_ += bytes;
     while (resident_ > budget_ && !recent_.empty()) {
         const auto oldest = entries_.find(recent_.back());
-        const size_t size = oldest->second.image->bytes();
-        resident_ -= size, ahead_ -= oldest->second.ahead ? size : 0;
+        noLongerAhead(oldest->first);
+        resident_ -= oldest->second.image->bytes();
         entries_.erase(oldest);
         recent_.pop_back();
     }
-    if (ahead) ahead_ += bytes;
     recent_.push_front(imageIndex);
-    entries_[imageIndex] = {std::move(image), recent_.begin(), ahead};
+    entries_[imageIndex] = {std::move(image), recent_.begin()};
+}
+
+void TrainingImages::noLongerAhead(uint32_t imageIndex)
+{
+    if (ahead_.erase(imageIndex)) aheadBytes_ -= entries_.at(imageIndex).image->bytes();
 }
 
 TrainingImages::Loaded TrainingImages::get(uint32_t imageIndex)
@@ -66,13 +70,10 @@ TrainingImages::Loaded TrainingImages::get(uint32_t imageIndex)
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return !loading_.count(imageIndex); });
     if (const auto found = entries_.find(imageIndex); found != entries_.end()) {
-        Entry& entry = found->second;
-        recent_.splice(recent_.begin(), recent_, entry.use);
-        if (entry.ahead) {
-            entry.ahead = false, ahead_ -= entry.image->bytes();
-            changed_.notify_all();
-        }
-        return entry.image;
+        recent_.splice(recent_.begin(), recent_, found->second.use);
+        noLongerAhead(imageIndex);
+        changed_.notify_all(); // there is room for more
+        return found->second.image;
     }
     if (const auto failed = failed_.find(imageIndex); failed != failed_.end()) {
         const Error error = std::move(failed->second);
@@ -84,7 +85,7 @@ TrainingImages::Loaded TrainingImages::get(uint32_t imageIndex)
     Loaded loaded = load(imageIndex);
     lock.lock();
     loading_.erase(imageIndex);
-    if (loaded) keep(imageIndex, *loaded, false);
+    if (loaded) keep(imageIndex, *loaded);
     changed_.notify_all();
     return loaded;
 }
@@ -93,6 +94,9 @@ void TrainingImages::expect(std::span<const uint32_t> images)
 {
     const std::lock_guard lock(mutex_);
     expected_.clear();
+    const std::unordered_set<uint32_t> before = ahead_;
+    for (const uint32_t i : before)
+        if (std::find(images.begin(), images.end(), i) == images.end()) noLongerAhead(i);
     for (const uint32_t i : images) {
         const auto found = entries_.find(i);
         if (found == entries_.end()) expected_.push_back(i);
@@ -108,7 +112,7 @@ void TrainingImages::loadAhead()
 {
     std::unique_lock lock(mutex_);
     for (;;) {
-        changed_.wait(lock, [&] { return ends_ || (!expected_.empty() && ahead_ < budget_ / 2); });
+        changed_.wait(lock, [&] { return ends_ || (!expected_.empty() && aheadBytes_ < budget_ / 2); });
         if (ends_) return;
         const uint32_t next = expected_.front();
         expected_.pop_front();
@@ -118,8 +122,13 @@ void TrainingImages::loadAhead()
         Loaded loaded = load(next);
         lock.lock();
         loading_.erase(next);
-        if (loaded) keep(next, std::move(*loaded), true);
-        else failed_.emplace(next, loaded.error());
+        if (loaded) {
+            aheadBytes_ += (*loaded)->bytes();
+            keep(next, std::move(*loaded));
+            ahead_.insert(next);
+        } else {
+            failed_.emplace(next, loaded.error());
+        }
         changed_.notify_all();
     }
 }

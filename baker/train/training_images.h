@@ -33,12 +33,12 @@ private:
     struct Entry {
         std::shared_ptr<const PreparedImage> image;
         std::list<uint32_t>::iterator use;
-        bool ahead; // not got yet
     };
     using Loaded = Result<std::shared_ptr<const PreparedImage>>;
 
     Loaded load(uint32_t imageIndex);
-    void keep(uint32_t imageIndex, std::shared_ptr<const PreparedImage> image, bool ahead);
+    void keep(uint32_t imageIndex, std::shared_ptr<const PreparedImage> image);
+    void noLongerAhead(uint32_t imageIndex);
     void loadAhead();
 
     const OlatDataset& dataset_;
@@ -48,9 +48,10 @@ private:
 
     mutable std::mutex mutex_;       // guards everything below
     std::condition_variable changed_;
-    size_t resident_ = 0, ahead_ = 0; // bytes; of them those not got yet
+    size_t resident_ = 0, aheadBytes_ = 0;
     std::list<uint32_t> recent_;     // front = last used or loaded
     std::unordered_map<uint32_t, Entry> entries_;
+    std::unordered_set<uint32_t> ahead_; // entries that are expected and not got yet: aheadBytes_
     std::deque<uint32_t> expected_;
     std::unordered_set<uint32_t> loading_;
     std::unordered_map<uint32_t, Error> failed_; // ahead; until they are got
