@@ -257,9 +257,7 @@ static Status runSynth(SynthArguments args)
     if (!tracer) return tracer.error();
     std::shared_ptr<const Capture> taken;
     if (photographed) {
-        auto planned = planCapture(**capture, *plan, placement.center, placement.radius, args.stage.seed);
-        if (!planned) return planned.error();
-        taken = std::make_shared<const Capture>(std::move(*planned));
+        taken = std::make_shared<const Capture>(planCapture(**capture, *plan, placement.center, placement.radius, args.stage.seed));
     }
 
     if (Status s = claimDatasetFolder(args.output, *settings); !s) return s;

@@ -45,7 +45,7 @@ FileCamera plausibleLens(const Camera& camera, double strength)
 {
     FileCamera file{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
     if (!(strength > 0)) return file;
-    file.k[0] = -0.13 * strength, file.k[1] = 0.05 * strength;
+    file.k[0] = -0.13 * strength, file.k[1] = 0.05 * strength; // grows with the angle for ever, as 9 k1^2 < 20 k2: one to one in pictures of any width
     file.p[0] = 6e-4 * strength, file.p[1] = -9e-4 * strength;
     file.cx += 0.012 * strength * camera.width, file.cy -= 0.008 * strength * camera.height;
     return file;

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <numbers>
@@ -80,29 +81,64 @@ glm::dvec3 flashOffset(const CaptureOptions& o, double radius, uint64_t seed)
     return o.flash * unitsPerCentimetre(o, radius) * glm::dvec3(std::cos(angle), std::sin(angle), 0.0);
 }
 
+std::string mattePath(uint32_t camera)
+{
+    char name[48];
+    std::snprintf(name, sizeof name, "train/masks/c_%04u.png", camera);
+    return name;
+}
+
+/// The same file name with something before its extension.
+std::string beside(const fs::path& path, const char* mark)
+{
+    return (path.parent_path() / (path.stem().string() + mark + path.extension().string())).string();
+}
+
 void renameImages(OlatSplit& split, const char* extension)
 {
     for (OlatImage& image : split.images) image.path = fs::path(image.path).replace_extension(extension).string();
+}
+
+/// Turns of directions about axes across them, whose angles have this root mean square; no turn of all directions together is in them.
+std::vector<glm::dvec3> turnsOf(const std::vector<glm::dvec3>& directions, Random random, double rms)
+{
+    std::vector<glm::dvec3> turns;
+    glm::dmat3 across(0.0); // of all: what a common turn w does to the direction d is that of w without its part along d
+    glm::dvec3 sum(0.0);
+    for (const glm::dvec3& d : directions) {
+        const glm::dmat3 acrossOne = glm::dmat3(1.0) - glm::outerProduct(d, d);
+        turns.push_back(acrossOne * glm::dvec3(normal(random), normal(random), normal(random)));
+        across += acrossOne, sum += turns.back();
+    }
+    const glm::dvec3 common = directions.size() > 2 && glm::determinant(across) > 1e-3 ? glm::inverse(across) * sum : glm::dvec3(0.0);
+    double squares = 0;
+    for (size_t i = 0; i < turns.size(); ++i) {
+        turns[i] -= common - directions[i] * glm::dot(directions[i], common);
+        squares += glm::dot(turns[i], turns[i]) / double(turns.size());
+    }
+    for (glm::dvec3& t : turns) t *= squares > 0 ? rms / std::sqrt(squares) : 0.0;
+    return turns;
 }
 
 void misstateLights(const CaptureOptions& o, const glm::dvec3& center, uint64_t seed, OlatSplit& stated, std::vector<double>& gains)
 {
     std::map<std::tuple<float, float, float>, size_t> lights;
     std::vector<size_t> lightOf;
+    std::vector<glm::dvec3> directions; // of each light
     for (const OlatImage& image : stated.images) {
-        const glm::vec3& p = image.light.type == LightType::kPoint ? image.light.position : image.light.directionToLight;
+        const bool point = image.light.type == LightType::kPoint;
+        const glm::vec3& p = point ? image.light.position : image.light.directionToLight;
         lightOf.push_back(lights.try_emplace({p.x, p.y, p.z}, lights.size()).first->second);
+        if (lightOf.back() == directions.size()) directions.push_back(glm::normalize(glm::dvec3(p) - (point ? center : glm::dvec3(0.0))));
     }
-    const auto turns = errors<2>(streamFor(seed, "light directions"), lights.size(), o.lightError * kDegree);
+    const auto turns = turnsOf(directions, streamFor(seed, "light directions"), o.lightError * kDegree);
     const auto powers = errors<1>(streamFor(seed, "light gains"), lights.size(), o.gain / 100.0);
     const glm::dmat3 turn = rotation({0, 0, o.turn * kDegree});
     for (size_t i = 0; i < stated.images.size(); ++i) {
         Light& light = stated.images[i].light;
         const bool point = light.type == LightType::kPoint;
-        const glm::dvec3 to = point ? glm::dvec3(light.position) - center : glm::dvec3(light.directionToLight), d = glm::normalize(to);
-        const glm::dvec3 side = glm::normalize(glm::cross(std::fabs(d.z) < 0.9 ? glm::dvec3(0, 0, 1) : glm::dvec3(1, 0, 0), d)), up = glm::cross(d, side);
-        const glm::dvec2 error = turns[lightOf[i]];
-        const glm::dvec3 seen = turn * (rotation(error.x * side + error.y * up) * to);
+        const glm::dvec3 to = point ? glm::dvec3(light.position) - center : glm::dvec3(light.directionToLight);
+        const glm::dvec3 seen = turn * (rotation(turns[lightOf[i]]) * to);
         if (point) light.position = glm::vec3(center + seen);
         else light.directionToLight = glm::vec3(seen);
         gains[i] = std::exp(powers[lightOf[i]].x);
@@ -193,7 +229,7 @@ OlatSplit planPhone(const StageOptions& stage, const CaptureOptions& capture)
     return split;
 }
 
-Result<Capture> planCapture(const CaptureOptions& o, OlatDataset& dataset, const glm::dvec3& center, double radius, uint64_t seed)
+Capture planCapture(const CaptureOptions& o, OlatDataset& dataset, const glm::dvec3& center, double radius, uint64_t seed)
 {
     OlatSplit& stated = *std::find_if(dataset.splits.begin(), dataset.splits.end(), [](const OlatSplit& s) { return s.name == "train"; });
     Capture capture;
@@ -208,10 +244,6 @@ Result<Capture> planCapture(const CaptureOptions& o, OlatDataset& dataset, const
 
     const Camera& first = stated.cameras.at(0); // one camera, or many of a kind
     capture.optics.lens = plausibleLens(first, o.lens / 100.0);
-    for (const glm::dvec2 corner : {glm::dvec2(0, 0), glm::dvec2(first.width, 0), glm::dvec2(0, first.height), glm::dvec2(first.width, first.height)})
-        if (!std::isfinite(lookedAt(*capture.optics.lens, corner.x, corner.y).x))
-            return Error{ErrorCode::kBadInput, "--capture: a lens with so much distortion does not reach the corners of a picture so wide; use less than lens=" +
-                                                   numberText(o.lens) + "%, or a smaller --fov"};
     capture.truth = stated;
     if (o.lens > 0) stated.files.assign(stated.cameras.size(), *capture.optics.lens);
     if (o.kind == CaptureKind::kPhone) {
@@ -232,11 +264,11 @@ Result<Capture> planCapture(const CaptureOptions& o, OlatDataset& dataset, const
         dataset.backgroundInView = true;
         for (OlatImage& image : stated.images) image.light.position = glm::vec3(stated.cameras[image.camera].position());
         if (o.lightsOff && o.ambient > 0)
-            for (OlatImage& image : stated.images) image.ambientPath = fs::path(image.path).replace_extension("").string() + "_off" + fs::path(image.path).extension().string();
+            for (OlatImage& image : stated.images) image.ambientPath = beside(image.path, "_off");
     } else {
         if (o.turn != 0) dataset.rig = LightRig::kStage;
         misstateLights(o, center, seed, stated, capture.lightGain);
-        for (OlatImage& image : stated.images) image.maskPath = "train/masks/c_" + std::string(4 - std::min<size_t>(4, std::to_string(image.camera).size()), '0') + std::to_string(image.camera) + ".png";
+        for (OlatImage& image : stated.images) image.maskPath = mattePath(image.camera);
         Random random = streamFor(seed, "blank mattes");
         const size_t blank = std::min(stated.cameras.size(), size_t(std::ceil(o.blank / 100.0 * double(stated.cameras.size()) - 1e-9)));
         for (size_t done = 0; done < blank;) {

@@ -16,7 +16,9 @@ enum class CaptureKind : uint8_t {
     kPhone, // one camera in the hand, its flash the only lamp that moves, a table and a room in view
 };
 
-/// Sizes of the errors, in the units of the option --capture. Random errors have exactly the stated root mean square over the capture, and no mean.
+/// Sizes of the errors, in the units of the option --capture. Random errors have exactly the stated root mean square over the
+/// capture; what all lights have in common is not among their errors, but one of its own (`turn`), or none: who could tell brighter lamps from a brighter
+/// object?
 struct CaptureOptions {
     CaptureKind kind = CaptureKind::kStage;
     bool clean = false;        // the same cameras and lights without any of what follows
@@ -61,8 +63,7 @@ struct Capture {
 
 /// Draws the errors. `dataset` is fitted to the canonical convention and states its train split truly; on return it states what
 /// a user would know. `center` and `radius` are those of the object.
-/// Error kBadInput: the lens does not reach the corners of the picture.
-Result<Capture> planCapture(const CaptureOptions& options, OlatDataset& dataset, const glm::dvec3& center, double radius, uint64_t seed);
+Capture planCapture(const CaptureOptions& options, OlatDataset& dataset, const glm::dvec3& center, double radius, uint64_t seed);
 
 /// The truth as the text of a JSON file: poses, lights, gains, exposures, lens, offset of the flash; frames in the order of the description.
 std::string truthText(const Capture& capture, const OlatSplit& stated);

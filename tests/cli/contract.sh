@@ -130,6 +130,11 @@ for bad in hide hide:albedo=0.8 hide:mfp=1 :albedo=1:mfp=1 hide:albedo=2:mfp=1 h
 done
 expect 2 "nosuch.json" "${synth[@]}" --sss-file nosuch.json
 for bad in 1 1,2 0,1,1 1,-1,1 1,nan,1 1,1,1:lean=2 1,1,1:colour=1; do expect 2 "--fur" "${synth[@]}" --fur "$bad"; done
+for bad in tripod stage:flash=5cm phone:spill=2 stage:gain=3mm phone:pose=nan; do
+    expect 2 "--capture" "${synth[@]}" --capture "$bad"
+done
+expect 2 "--like" "${synth[@]}" --capture phone --like "$sample"
+expect 2 "canonical" "${synth[@]}" --capture stage --convention plpos
 [ "$(ls | grep -v '^std' | wc -l)" = 0 ] || fail "refused commands left files: $(ls)"
 
 echo "-- datasets"
