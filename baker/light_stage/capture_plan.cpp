@@ -234,6 +234,7 @@ Capture planCapture(const CaptureOptions& o, OlatDataset& dataset, const glm::dv
     OlatSplit& stated = *std::find_if(dataset.splits.begin(), dataset.splits.end(), [](const OlatSplit& s) { return s.name == "train"; });
     Capture capture;
     capture.options = o, capture.seed = seed;
+    capture.metresPerUnit = 0.01 / unitsPerCentimetre(o, radius);
     const auto exposures = errors<1>(streamFor(seed, "exposures"), stated.images.size(), o.exposure);
     for (const auto& ev : exposures) capture.exposureEv.push_back(ev.x);
     capture.lightGain.assign(stated.images.size(), 1.0);
@@ -284,6 +285,7 @@ std::string truthText(const Capture& capture, const OlatSplit& stated)
     const FileCamera& lens = *capture.optics.lens;
     Json json{{"about", "What was really there when nacre synth took the photographs of this capture; transforms_train.json has what its user knows."},
               {"split", stated.name},
+              {"metres_per_unit", capture.metresPerUnit},
               {"fl_x", lens.fx}, {"fl_y", lens.fy}, {"cx", lens.cx}, {"cy", lens.cy}};
     for (int i = 0; i < 6; ++i) json["k" + std::to_string(i + 1)] = lens.k[i];
     for (int i = 0; i < 2; ++i) json["p" + std::to_string(i + 1)] = lens.p[i];

@@ -58,6 +58,7 @@ struct Capture {
     std::vector<double> lightGain;     // of each image: true over stated power of its light
     std::vector<bool> blankMatte;      // of each camera
     glm::dvec3 flashOffset{0.0};       // in the camera's frame (right, up, back), in the unit of the dataset
+    double metresPerUnit = 1.0;        // of the dataset
     uint64_t seed = 0;
 };
 

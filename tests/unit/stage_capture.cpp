@@ -303,6 +303,7 @@ TEST_CASE("a phone's flash is fixed to the camera, at an offset of the stated si
     CHECK(p.stated.rig == LightRig::kCamera);
     CHECK(p.stated.backgroundInView);
     CHECK(glm::length(p.capture.flashOffset) == doctest::Approx(0.5)); // 5 cm, where the object's diameter of 2 is 20 cm
+    CHECK(glm::length(p.capture.flashOffset) * p.capture.metresPerUnit == doctest::Approx(0.05));
     double turns = 0, exposures = 0, mean = 0;
     const double count = double(p.said().images.size());
     REQUIRE(count == 12);
