@@ -144,13 +144,6 @@ bool isEightBit(const std::string& path)
     return std::memcmp(start->bytes.data(), "\xff\xd8\xff", 3) == 0; // JPEG
 }
 
-bool fitsBytes(const Image& image)
-{
-    for (size_t i = 0; i < image.rgba.size(); i += 4)
-        if (std::max({image.rgba[i], image.rgba[i + 1], image.rgba[i + 2]}) > 1.0f) return false;
-    return true;
-}
-
 class Packer {
 public:
     Packer(const OlatDataset& dataset, const PackerOptions& options, const std::function<void(size_t, size_t, double)>& progress, const std::atomic<bool>* cancel)
@@ -177,11 +170,7 @@ private:
     Result<PackerReport> finish();
     Status tick(size_t done);
     Error cancelled() const { return {ErrorCode::kCancelled, "stopped; '" + folder_ + "' keeps what is done: give the same command again to go on"}; }
-    bool halvesFor(const OlatImage& image, const Image& pixels) const
-    {
-        if (bytesOnly_ || options_.pixels == PackerOptions::Pixels::kHalves) return !bytesOnly_;
-        return !(isEightBit(image.path) && fitsBytes(pixels));
-    }
+    bool halvesFor(const OlatImage& image) const { return !bytesOnly_ && (options_.pixels == PackerOptions::Pixels::kHalves || !isEightBit(image.path)); }
 
     const OlatDataset& dataset_;
     const PackerOptions& options_;
@@ -290,7 +279,7 @@ std::vector<std::byte> Packer::packOne(size_t item, ImageCache& files)
     if (record.fault.empty() && entry.light.type == LightType::kEnvironment)
         if (const auto map = readFileStart(entry.light.environmentPath, 4); !map) record.fault = entry.path + ": its environment map cannot be used: " + map.error().message;
     if (!record.fault.empty()) return {};
-    return encodePixels(**image, halvesFor(entry, **image), record.block);
+    return encodePixels(**image, halvesFor(entry), record.block);
 }
 
 /// How much disk all will need, by some of them; and whether halves fit.
@@ -309,7 +298,7 @@ Status Packer::measure()
         if (!image) return;
         PackedBlock block;
         (void)encodePixels(**image, false, block);
-        bytes[k] = double(block.bytes()), chosen[k] = bytes[k] * (halvesFor(item.image(), **image) ? 2 : 1);
+        bytes[k] = double(block.bytes()), chosen[k] = bytes[k] * (halvesFor(item.image()) ? 2 : 1);
     });
     double needed = double(end_), least = double(end_);
     const double scale = count ? kSlack * double(open.size()) / double(count) : 0;

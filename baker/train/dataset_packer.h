@@ -9,7 +9,7 @@ namespace nacre {
 struct PackerOptions {
     std::string output;          // folder; made in output.part, which is renamed when all is there
     enum class Pixels { kAuto, kBytes, kHalves };
-    Pixels pixels = Pixels::kAuto; // auto: bytes for 8-bit files without values above 1, if the disk does not suffice for all; else halves
+    Pixels pixels = Pixels::kAuto; // auto: bytes for 8-bit files, if the disk does not suffice for all; else halves. Bytes end at 1, as losses and metrics do
     uint64_t diskBytes = 0;      // at most so many; 0: what is free, but for a reserve
     bool strict = false;         // an image that cannot be used is an error
     size_t memoryBytes = size_t(1) << 30; // for images on their way
