@@ -1,4 +1,4 @@
-// (800 x 800 pixels, half of them stored, one core: 2.4 ms; by way of floats 9.)
+// (800 x 800 pixels, 720 x 720 of them stored, one core of two that were busy: 6 ms; by way of floats 18.)
 #include "train/packed_reference.h"
 
 #include <algorithm>
