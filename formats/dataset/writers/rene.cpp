@@ -33,6 +33,20 @@ size_t nextView(size_t n, bool isTest)
     return n;
 }
 
+/// Leaves out cameras without an image.
+void keepUsedCameras(OlatSplit& split)
+{
+    constexpr uint32_t kUnused = ~0u;
+    std::vector<uint32_t> numbers(split.cameras.size(), kUnused);
+    std::vector<Camera> used;
+    for (OlatImage& image : split.images) {
+        uint32_t& number = numbers[image.camera];
+        if (number == kUnused) number = uint32_t(used.size()), used.push_back(split.cameras[image.camera]);
+        image.camera = number;
+    }
+    split.cameras = std::move(used);
+}
+
 } // namespace
 
 Status fitRene(OlatDataset& dataset)
@@ -74,6 +88,7 @@ Status fitRene(OlatDataset& dataset)
         }
     }
     std::erase_if(dataset.splits, [](const OlatSplit& split) { return split.images.empty(); });
+    for (OlatSplit& split : dataset.splits) keepUsedCameras(split); // files are named
     if (!sameIntensity) dataset.warnings.push_back("the rene convention has no intensities: those of these lights differ, and read back as equal");
     return ok();
 }
