@@ -105,6 +105,7 @@ struct AppearanceOptions {
     std::vector<std::string> without{}; // for comparisons: optional parts, "code" of sss, "normal-search" of highlights, "sharing" between neighbours, "schedule": plain Adam with one constant rate
     float brightness = 1;               // estimate of the mean albedo, to start a dark object dark
     bool lightDistancesVary = false;    // sss: else nothing is to be learnt from how near a light is
+    glm::vec4 region{0};                  // centre and radius of the only splats that shade each other; radius 0: all do
     std::vector<glm::vec3> pointLights{}; // of training, each place once: visibility ends at those that stand among the splats
 };
 

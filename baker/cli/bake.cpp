@@ -21,7 +21,7 @@
 namespace nacre::cli {
 
 struct BakeArguments {
-    std::string dataset, output, device = "auto", profile = "compact", json, init;
+    std::string dataset, output, device = "auto", profile = "compact", json, init, bounds;
     bool restart = false;
     double memory = 0; // GB; 0: half of the machine's
     BakeOptions options;
@@ -279,6 +279,16 @@ static double packingSeconds(const BakeArguments& args)
     return std::min(0.1 * 60 * args.options.minutes, perSplat * double(bakeSplats(args.options)));
 }
 
+static Result<glm::dvec4> parseBounds(const std::string& text)
+{
+    glm::dvec4 b(0);
+    char rest = 0;
+    const bool read = std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf%c", &b.x, &b.y, &b.z, &b.w, &rest) == 4;
+    if (!read || !std::isfinite(b.x + b.y + b.z + b.w) || !(b.w > 0))
+        return Error{ErrorCode::kBadInput, "--bounds '" + text + "': expected CX,CY,CZ,R, the centre and the radius of the object in the dataset's units"};
+    return b;
+}
+
 static Status runBake(BakeArguments args)
 {
     if (args.device == "cuda")
@@ -290,6 +300,11 @@ static Status runBake(BakeArguments args)
     if (Status s = checkLeftovers(args); !s) return s;
     for (const std::string& path : {args.output, options.checkpointPath}) removeAbandonedTemporaries(path);
 
+    if (!args.bounds.empty()) {
+        auto bounds = parseBounds(args.bounds);
+        if (!bounds) return bounds.error();
+        options.bounds = *bounds;
+    }
     if (!args.init.empty()) {
         auto init = readInitialSplats(args.init);
         if (!init) return init.error();
@@ -366,6 +381,7 @@ static Status runBake(BakeArguments args)
     const size_t splats = stored->splats, bytes = stored->file.size(), peak = peakMemoryBytes();
     std::printf("%s: model %s, %zu splats, %zu bytes (%.1f per splat)\n", args.output.c_str(), result->asset.model.c_str(),
                 splats, bytes, double(bytes) / double(splats));
+    if (!result->cut.empty()) std::printf("%s (--bounds places them, --keep-background keeps all)\n", result->cut.c_str());
     if (!stored->note.empty()) std::printf("%s\n", stored->note.c_str());
     std::printf("%d iterations in %.1f s on the cpu%s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations,
                 result->seconds, args.device == "auto" ? " (auto: no CUDA baker in this build)" : "", result->psnrTrain,
@@ -435,6 +451,10 @@ Action addBake(CLI::App& app)
     sub->add_option("--init", args->init,
                     "Start from these splats instead of the visual hull: a .ply of 3D Gaussian splatting in axes and units of the dataset, or an\n"
                     "asset (.glb) of it; of more than --max-splats those that cover most");
+    sub->add_option("--bounds", args->bounds,
+                    "CX,CY,CZ,R: the ball that holds the object, in the dataset's units, for images without masks (default: where the cameras look, as much as they\n"
+                    "frame). Splats outside learn the surroundings and are cut off in the end, as is the plane that the object stands on");
+    sub->add_flag("--keep-background", o.keepBackground, "Cut nothing off");
     sub->add_option("--s-functions", o.sFunctions,
                     "bigs: spherical harmonics of the view-dependent term s, while it earns its bytes (default: from --quality)")
         ->check(CLI::IsMember({0, 1, 4, 9, 16, 25}));

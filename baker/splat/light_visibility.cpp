@@ -163,6 +163,24 @@ bool lookAtNearLights(const ShadowScene& scene, std::span<const glm::vec3> light
 
 } // namespace
 
+std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
+                                           std::span<const glm::vec3> lights, const std::function<bool()>& goOn)
+{
+    if (!(ball.w > 0)) return lightVisibility(splats, size, oversample, lights, goOn);
+    std::vector<GaussianGeometry<float>> inside;
+    std::vector<size_t> from;
+    for (size_t i = 0; i < splats.size(); ++i) {
+        const float* p = splats[i].position;
+        if (glm::distance(glm::vec3(p[0], p[1], p[2]), glm::vec3(ball)) <= ball.w) inside.push_back(splats[i]), from.push_back(i);
+    }
+    const size_t texels = size_t(size) * size_t(size);
+    std::vector<uint8_t> maps;
+    if (!inside.empty() && (maps = lightVisibility(inside, size, oversample, lights, goOn)).empty()) return {};
+    std::vector<uint8_t> all(splats.size() * texels, 255);
+    for (size_t k = 0; k < from.size(); ++k) std::copy_n(maps.begin() + ptrdiff_t(k * texels), texels, all.begin() + ptrdiff_t(from[k] * texels));
+    return all;
+}
+
 float visibilityBias(std::span<const GaussianGeometry<float>> splats) { return visibilityBias(medianSplatSize(splats)); }
 
 std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> splats, int size, int oversample,

@@ -23,6 +23,10 @@ namespace nacre {
 std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> splats, int size, int oversample,
                                      std::span<const glm::vec3> lights = {}, const std::function<bool()>& goOn = {});
 
+/// The same of the splats inside a ball (centre and radius) alone: the others get all light and cast no shadow. Radius 0: of all.
+std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
+                                           std::span<const glm::vec3> lights = {}, const std::function<bool()>& goOn = {});
+
 /// Along the light, centres of other splats nearer to a splat's own than this shade nothing.
 float visibilityBias(std::span<const GaussianGeometry<float>> splats);
 

@@ -18,6 +18,7 @@
 #include <tbb/task_arena.h>
 
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 
@@ -68,6 +69,7 @@ private:
     Status lookAhead(double progress);
     Status showEvidence(double progress);
     Status checkpoint();
+    void cutBackground();
     Result<BakeResult> finish();
     Status tick(const char* stage, double progress);
     void report(const char* stage, double progress);
@@ -263,10 +265,23 @@ Status Bake::train()
     return ok();
 }
 
+void Bake::cutBackground()
+{
+    const size_t before = trainer_->count();
+    const ObjectCut cut = trainer_->keepObject(*preparation_.region, preparation_.split->cameras);
+    const glm::dvec3 centre = dataset_.frame.positionInDataset(glm::dvec3(preparation_.region->center));
+    char text[320];
+    std::snprintf(text, sizeof text, "no masks: kept %zu of %zu splats; cut off are %zu outside of the object's bounds %.4g,%.4g,%.4g,%.4g, %zu %s and %zu loose ones",
+                  trainer_->count(), before, cut.outside, centre.x, centre.y, centre.z, double(preparation_.region->radius) * dataset_.frame.scale, cut.below,
+                  cut.plane ? "of the plane it stands on and below" : "below (no plane that it stands on was found)", cut.loose);
+    result_.cut = text;
+}
+
 Result<BakeResult> Bake::finish()
 {
     SplatAsset& asset = result_.asset;
     asset.model = options_.model;
+    if (preparation_.region && !options_.keepBackground) cutBackground();
     trainer_->exportTo(asset);
     leaveOutZeroRows(asset);
     if (asset.cloud.count == 0)

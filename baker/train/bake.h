@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,8 @@ struct BakeOptions {
     std::vector<std::string> without;  // for comparisons: see AppearanceOptions
     double dssim = -1;                 // lambda of the loss (loss.h), the weight of 1-SSIM; -1: default
     bool refineLights = false;         // correct the training lights' gains and directions on the way
+    std::optional<glm::dvec4> bounds;  // of the object, in images without masks: centre and radius in the dataset's units; else what cameras look at
+    bool keepBackground = false;       // what is outside of them, and the table the object stands on, stays in the asset
     std::shared_ptr<const InitialSplats> init; // to start from, instead of the visual hull
     size_t imageBudgetBytes = size_t(1) << 30;
     std::string checkpointPath;        // empty: none
@@ -67,6 +70,7 @@ struct BakeResult {
     std::vector<HistoryPoint> history; // held-out error against seconds
     std::vector<RefinedLight> lights;  // with refineLights: every distinct light of the train split
     std::vector<PartWorth> parts;
+    std::string cut;                   // what was cut off around the object, in a line; empty: nothing
     std::vector<std::string> warnings;
 };
 

@@ -10,7 +10,7 @@ namespace nacre {
 
 namespace {
 
-constexpr uint32_t kMagic = 0x504b434e, kVersion = 11;
+constexpr uint32_t kMagic = 0x504b434e, kVersion = 12;
 
 Error bad(const std::string& what) { return {ErrorCode::kBadInput, what + "; start again with --restart"}; }
 
@@ -53,6 +53,7 @@ std::string bakeIdentity(const OlatDataset& dataset, const OlatSplit& split, con
          << options.sFunctions << "\n--dssim " << options.dssim << "\n--refine-lights " << (options.refineLights ? "on" : "off")
          << "\n--without ";
     for (const std::string& part : options.without) text << part << ',';
+    if (options.bounds) text << "\n--bounds " << options.bounds->x << ',' << options.bounds->y << ',' << options.bounds->z << ',' << options.bounds->w;
     if (options.init) text << "\n--init of hash " << std::hex << options.init->hash;
     text << "\ndataset " << std::hex << hashOf(dataset, split) << '\n';
     return text.str();

@@ -2,6 +2,7 @@
 #include "train/preparation.h"
 
 #include "base/color.h"
+#include "splat/stereo.h"
 #include "train/data_check.h"
 #include "train/memory.h"
 
@@ -157,9 +158,60 @@ size_t splatsForPixels(const VisualHull& hull, const std::vector<Camera>& camera
     return std::max(kLeast, size_t(std::min(kSplatsPerPixel * hull.surfaceArea / (pixel * pixel), 1e9)));
 }
 
+size_t firstSplats(const Preparation& p) { return std::max<size_t>(1, size_t(kInitialShare * double(p.trainer.maxSplats))); }
+
+/// Brightness of a prepared image, in means over squares of pixels.
+StereoView stereoView(const Camera& camera, const PreparedImage& image, int side)
+{
+    const int by = std::max(1, std::max(image.width, image.height) / side);
+    StereoView view{camera, {}};
+    Camera& c = view.camera;
+    c.width = image.width / by, c.height = image.height / by;
+    for (double* length : {&c.fx, &c.fy, &c.cx, &c.cy}) *length /= by;
+    const size_t pixels = size_t(image.width) * size_t(image.height);
+    for (int y = 0; y < c.height; ++y)
+        for (int x = 0; x < c.width; ++x) {
+            float sum = 0;
+            bool known = true;
+            for (int k = 0; k < by * by; ++k) {
+                const size_t i = size_t(y * by + k / by) * size_t(image.width) + size_t(x * by + k % by);
+                known = known && image.isKnown(i);
+                sum += 0.2126f * float(image.planes[i]) + 0.7152f * float(image.planes[pixels + i]) + 0.0722f * float(image.planes[2 * pixels + i]);
+            }
+            view.luma.push_back(known ? sum / (65535.0f * float(by * by)) : -1.0f);
+        }
+    return view;
+}
+
+ObjectRegion boundsInAsset(const AssetFrame& frame, const glm::dvec4& bounds)
+{
+    return {glm::vec3(frame.positionInAsset(glm::dvec3(bounds))), float(bounds.w / frame.scale)};
+}
+
+/// What stereo finds in views without masks.
+Result<std::vector<glm::vec3>> surfacePoints(Preparation& p, const Tick& tick)
+{
+    constexpr size_t kViews = 60; // more find hardly more
+    constexpr int kSide = 192;    // pixels that they are shrunk to, about
+    std::vector<StereoView> views;
+    for (size_t k = 0; k < p.views.size(); k += strideFor(p.views.size(), kViews)) {
+        if (Status s = tick("hull"); !s) return s.error();
+        auto image = p.images->get(p.views[k].images[0]);
+        if (image) views.push_back(stereoView(p.split->cameras[p.views[k].camera], **image, kSide));
+    }
+    Status goesOn = ok();
+    const auto goOn = [&] {
+        goesOn = tick("hull");
+        return bool(goesOn);
+    };
+    std::vector<glm::vec3> points = stereoPoints(views, p.region->center, p.region->radius, goOn);
+    if (!goesOn) return goesOn.error();
+    return points;
+}
+
 void placeSplats(Preparation& p, const VisualHull& hull)
 {
-    const size_t count = std::max<size_t>(1, size_t(kInitialShare * double(p.trainer.maxSplats)));
+    const size_t count = firstSplats(p);
     p.flat = !hull.surface.empty();
     p.spacing = float(p.flat ? std::sqrt(hull.surfaceArea / double(count)) : 2.0 * hull.halfSize / std::cbrt(double(count)));
     p.points = sampleHull(hull, count, p.trainer.seed);
@@ -242,11 +294,26 @@ Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& optio
     if (Status s = tick("hull"); !s) return s.error();
     auto hull = findHull(dataset.frame, *masks, *p.split, p.warnings);
     if (!hull) return hull.error();
+    if (masks->silhouettes == Silhouettes::kOpaque) {
+        p.region = options.bounds ? boundsInAsset(dataset.frame, *options.bounds) : regionOf(dataset.splits);
+        for (int k = 0; k < 3; ++k) hull->center[k] = p.region->center[k];
+        hull->halfSize = p.region->radius;
+    } else if (options.bounds) {
+        p.warnings.push_back("--bounds: not used, the masks of the images say where the object is");
+    }
     p.center = {hull->center[0], hull->center[1], hull->center[2]};
     p.trainer.maxSplats = size_t(options.maxSplats);
     p.trainer.seed = options.seed;
     if (options.splatsByPixels && !hull->surface.empty()) p.trainer.maxSplats = std::min(p.trainer.maxSplats, splatsForPixels(*hull, masks->cameras));
-    placeSplats(p, *hull);
+    if (p.region) {
+        auto points = surfacePoints(p, tick);
+        if (!points) return points.error();
+        p.region->plane = supportingPlane(*points, *p.region, p.split->cameras);
+        p.init = splatsForRegion(*p.region, *points, firstSplats(p), p.trainer.seed);
+    }
+    else placeSplats(p, *hull);
+    p.trainer.region = p.region;
+    p.trainer.ambient = p.region.has_value();
     p.trainer.sceneSize = objectSize(*hull);
     if (options.init) {
         auto init = placedFor(dataset.frame, p.center, p.trainer.sceneSize, p.trainer.maxSplats, *options.init);
@@ -261,6 +328,7 @@ Result<Preparation> prepare(const OlatDataset& dataset, const BakeOptions& optio
 
     p.appearance = {options.sFunctions, options.without, float(brightness(p)), lightDistancesVary(*p.split, glm::dvec3(p.center))};
     p.appearance.pointLights = placesOfLights(*p.split);
+    if (p.region) p.appearance.region = glm::vec4(p.region->center, p.region->radius);
     return p;
 }
 

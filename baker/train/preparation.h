@@ -2,6 +2,7 @@
 #pragma once
 
 #include "train/bake.h"
+#include "train/object_region.h"
 #include "train/step_order.h"
 #include "train/trainer.h"
 #include "train/training_images.h"
@@ -15,6 +16,7 @@ struct Preparation {
     std::vector<CameraImages> views;  // its images that train
     std::unique_ptr<TrainingImages> images;
     glm::vec3 center{0};              // of the object
+    std::optional<ObjectRegion> region; // of the object, in images without masks
     TrainerOptions trainer;
     AppearanceOptions appearance;
     std::vector<OrientedPoint> points; // where the first splats lie,

@@ -16,7 +16,9 @@ namespace nacre {
 constexpr float kRatePosition = 1.6e-3f /* of the scene size */, kRateScale = 2e-2f, kRateRotation = 4e-3f, kRateOpacity = 2e-2f;
 constexpr float kOpacityPull = 1e-8f;    // far below the gradient of a splat that matters
 constexpr float kActiveWeight = 2e-3f;   // a splat whose blending weights sum to less than this over the image does not learn from it
+constexpr float kRateAmbient = 2e-2f, kFirstAmbient = 0.01f; // of its logarithm; of a radiance
 constexpr float kDeadOpacity = 0.01f;
+constexpr double kMostOutside = 0.1;     // of all splats, around the object's region
 
 const char* stageName(Stage stage)
 {
@@ -88,6 +90,7 @@ void Trainer::initialize(std::span<const OrientedPoint> points, float spacing, b
         geometry_.activate(i);
     }
     appearance_->resize(points.size());
+    resizeAmbient(points.size());
     resetStatistics();
 }
 
@@ -104,7 +107,45 @@ void Trainer::initialize(const SplatCloud& cloud, std::span<const glm::vec3> tin
     }
     appearance_->resize(cloud.count);
     for (size_t i = 0; i < cloud.count; ++i) appearance_->tint(i, tints[i]);
+    resizeAmbient(cloud.count);
     resetStatistics();
+}
+
+void Trainer::resizeAmbient(size_t count)
+{
+    const float start = std::log(kFirstAmbient);
+    if (options_.ambient) ambient_.resize(count, {{start, start, start}, {}, {}});
+}
+
+void Trainer::addAmbient(size_t lights)
+{
+    if (!hasAmbient(lights)) return;
+    const size_t stride = size_t(channelStride(int(3 * lights)));
+    for (size_t v = 0; v < builder_.visible.count(); ++v) {
+        const std::array<float, 3>& a = ambient_[builder_.visible.splatFromVisible[v]].value;
+        const float color[3] = {std::exp(a[0]), std::exp(a[1]), std::exp(a[2])};
+        for (size_t k = 0; k < 3 * lights; ++k) colors_[v * stride + k] += color[k % 3];
+    }
+}
+
+void Trainer::stepAmbient(size_t lights, float rate)
+{
+    if (!hasAmbient(lights)) return;
+    constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f, kLeast = -16, kMost = 4;
+    const size_t stride = size_t(channelStride(int(3 * lights)));
+    for (size_t v = 0; v < builder_.visible.count(); ++v) {
+        if (!active_[v]) continue;
+        AmbientRow& row = ambient_[builder_.visible.splatFromVisible[v]];
+        for (size_t c = 0; c < 3; ++c) {
+            float gradient = 0;
+            for (size_t l = 0; l < lights; ++l) gradient += dColors_[v * stride + 3 * l + c];
+            gradient *= std::exp(row.value[c]);
+            if (!(std::abs(gradient) < 1e18f)) continue;
+            row.momentum[c] += (1 - kBeta1) * (gradient - row.momentum[c]);
+            row.second[c] += (1 - kBeta2) * (gradient * gradient - row.second[c]);
+            row.value[c] = std::clamp(row.value[c] - rate * row.momentum[c] / (std::sqrt(row.second[c]) + 1e-15f), kLeast, kMost);
+        }
+    }
 }
 
 VisibleView Trainer::project(const Camera& camera, int channels)
@@ -126,6 +167,7 @@ void Trainer::render(const Camera& camera, std::span<const Light> lights, std::v
     const VisibleView view = project(camera, channels);
     const LitView lit = litView(camera, lights);
     appearance_->forward(view, lit, colors_.data());
+    addAmbient(lights.size());
     const size_t pixels = size_t(camera.width) * camera.height;
     planes_.resize(pixels * size_t(channels + 1));
     rasterForward(builder_.visible, builder_.tiles, colors_.data(), channels, planes_.data());
@@ -150,6 +192,7 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
 
     const LitView lit = litView(camera, lights);
     appearance_->forward(view, lit, colors_.data());
+    addAmbient(lights.size());
     clock.end(kStageShade);
 
     const size_t pixels = size_t(camera.width) * camera.height;
@@ -188,6 +231,7 @@ LossStats Trainer::step(const Camera& camera, std::span<const Light> lights, con
     const GeometryRates rates{kRatePosition * options_.sceneSize * rate, kRateScale * rate, kRateRotation * rate, kRateOpacity * rate};
     // Geometry moves after the appearance has used it: both gradients belong to the same state.
     clock.end(kStageGeometryBack);
+    stepAmbient(lights.size(), kRateAmbient * rate);
     appearance_->backwardAndStep(view, lit, active_.data(), dColors_.data());
     clock.end(kStageShadeBack);
     stepGeometry(geometry_, view_, visible.splatFromVisible, dSplats_.data(), distance < 0 ? nullptr : dDistances_.data(), active_.data(), rates,
@@ -286,6 +330,7 @@ void Trainer::splitSplat(size_t parent, size_t child)
     }
     for (size_t i : {parent, child}) geometry_.clearMoments(i), geometry_.activate(i);
     appearance_->copySplat(parent, child);
+    if (!ambient_.empty()) ambient_[child] = {ambient_[parent].value, {}, {}};
 }
 
 void Trainer::densify(size_t grow)
@@ -295,39 +340,68 @@ void Trainer::densify(size_t grow)
     std::vector<uint32_t> children, alive; // children: rows to fill, first those of the dead, then new ones
     for (size_t i = 0; i < old; ++i)
         (geometry_.activated[i].opacity < kDeadOpacity || seen_[i] == 0 ? children : alive).push_back(uint32_t(i));
+    const auto score = [&](uint32_t i) { return gradientSum_[i] / float(std::max(1u, seen_[i])); };
+    const auto needsMore = [&](uint32_t a, uint32_t b) { return std::pair(-score(a), a) < std::pair(-score(b), b); };
+    if (options_.region) { // the surroundings have to be behind the object, not sharp
+        const auto first = std::stable_partition(alive.begin(), alive.end(), [&](uint32_t i) { return options_.region->holds(geometry_.activated[i].position); });
+        const size_t outside = size_t(alive.end() - first), most = size_t(kMostOutside * double(options_.maxSplats));
+        std::sort(first, alive.end(), needsMore);
+        alive.resize(alive.size() - outside + std::min(outside, most - std::min(outside, most)));
+    }
     const size_t dead = children.size(), splits = std::min(dead + grow, alive.size() / 2);
     for (size_t i = old; children.size() < splits; ++i) children.push_back(uint32_t(i));
-    const auto score = [&](uint32_t i) { return gradientSum_[i] / float(std::max(1u, seen_[i])); };
-    std::partial_sort(alive.begin(), alive.begin() + splits, alive.end(),
-                      [&](uint32_t a, uint32_t b) { return std::pair(-score(a), a) < std::pair(-score(b), b); });
+    std::partial_sort(alive.begin(), alive.begin() + splits, alive.end(), needsMore);
     const size_t count = old + splits - std::min(splits, dead);
     geometry_.resize(count);
     appearance_->resize(count);
+    resizeAmbient(count);
     for (size_t i = 0; i < splits; ++i) splitSplat(alive[i], children[i]);
 
-    const std::vector<uint32_t> order = mortonOrder(count, [&](size_t i) { return geometry_.raw[i].data(); });
+    permute(mortonOrder(count, [&](size_t i) { return geometry_.raw[i].data(); }));
+    resetStatistics();
+}
+
+void Trainer::permute(const std::vector<uint32_t>& order)
+{
     geometry_.permute(order);
     appearance_->permute(order);
-    resetStatistics();
+    if (ambient_.empty()) return;
+    std::vector<AmbientRow> moved;
+    for (uint32_t i : order) moved.push_back(ambient_[i]);
+    ambient_ = std::move(moved);
 }
 
 size_t Trainer::prune()
 {
     std::vector<uint32_t> kept, dropped;
     for (size_t i = 0; i < geometry_.count(); ++i) (seen_[i] > 0 && geometry_.activated[i].opacity >= kMinAlpha ? kept : dropped).push_back(uint32_t(i));
-    std::vector<uint32_t> order = kept;
-    order.insert(order.end(), dropped.begin(), dropped.end());
-    geometry_.permute(order);
-    appearance_->permute(order);
-    geometry_.resize(kept.size());
-    appearance_->resize(kept.size());
-    resetStatistics();
+    keepRows(kept, dropped);
     return dropped.size();
 }
 
-void Trainer::exportTo(SplatAsset& asset) const
+void Trainer::keepRows(const std::vector<uint32_t>& kept, const std::vector<uint32_t>& dropped)
 {
-    SplatCloud& cloud = asset.cloud;
+    std::vector<uint32_t> order = kept;
+    order.insert(order.end(), dropped.begin(), dropped.end());
+    permute(order);
+    geometry_.resize(kept.size());
+    appearance_->resize(kept.size());
+    resizeAmbient(kept.size());
+    resetStatistics();
+}
+
+ObjectCut Trainer::keepObject(const ObjectRegion& region, const std::vector<Camera>& cameras)
+{
+    ObjectCut cut = findObject(cloud(), region, cameras);
+    std::vector<uint32_t> kept, dropped;
+    for (size_t i = 0; i < geometry_.count(); ++i) (cut.kept[i] ? kept : dropped).push_back(uint32_t(i));
+    keepRows(kept, dropped);
+    return cut;
+}
+
+SplatCloud Trainer::cloud() const
+{
+    SplatCloud cloud;
     cloud.count = geometry_.count();
     for (const GaussianGeometry<float>& g : geometry_.activated) {
         float q[4];
@@ -337,6 +411,12 @@ void Trainer::exportTo(SplatAsset& asset) const
         cloud.scales.emplace_back(g.scale[0], g.scale[1], g.scale[2]);
         cloud.opacities.push_back(g.opacity);
     }
+    return cloud;
+}
+
+void Trainer::exportTo(SplatAsset& asset) const
+{
+    asset.cloud = cloud();
     asset.lowPassVariance = options_.lowPassVariance;
     asset.channels = appearance_->exportChannels();
 }
@@ -344,16 +424,17 @@ void Trainer::exportTo(SplatAsset& asset) const
 void Trainer::save(ByteWriter& out) const
 {
     out.array(geometry_.raw), out.array(geometry_.momentum), out.array(geometry_.second);
-    out.array(gradientSum_), out.array(seen_);
+    out.array(gradientSum_), out.array(seen_), out.array(ambient_);
     appearance_->save(out);
 }
 
 bool Trainer::load(ByteReader& in)
 {
     in.array(geometry_.raw), in.array(geometry_.momentum), in.array(geometry_.second);
-    in.array(gradientSum_), in.array(seen_);
+    in.array(gradientSum_), in.array(seen_), in.array(ambient_);
     const size_t n = geometry_.raw.size();
-    if (in.failed || geometry_.momentum.size() != n || geometry_.second.size() != n || gradientSum_.size() != n || seen_.size() != n)
+    if (in.failed || geometry_.momentum.size() != n || geometry_.second.size() != n || gradientSum_.size() != n || seen_.size() != n ||
+        ambient_.size() != (options_.ambient ? n : 0))
         return false;
     geometry_.activated.resize(n);
     for (size_t i = 0; i < n; ++i) geometry_.activate(i);

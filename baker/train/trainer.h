@@ -7,6 +7,7 @@
 #include "splat/geometry.h"
 #include "splat/visual_hull.h"
 #include "train/loss.h"
+#include "train/object_region.h"
 
 #include <array>
 #include <memory>
@@ -17,7 +18,9 @@ struct TrainerOptions {
     size_t maxSplats = 10000;
     float lowPassVariance = 0.1f;  // px^2
     float sceneSize = 1.0f;        // half-size of the object, scales the rate of positions
+    std::optional<ObjectRegion> region; // of the object: few splats are spent on the surroundings
     LossOptions loss;
+    bool ambient = false;          // images hold light of the surroundings, too: each splat learns how much, and it is not exported
     uint64_t seed = 1;
 };
 
@@ -59,6 +62,8 @@ public:
     /// Drops the splats that are too faint to be drawn or have contributed to no pixel since resetStatistics. Returns how many.
     size_t prune();
     void resetStatistics();
+    /// Cuts off everything but the object.
+    ObjectCut keepObject(const ObjectRegion& region, const std::vector<Camera>& cameras);
 
     size_t count() const { return geometry_.count(); }
     TrainableAppearance& appearance() { return *appearance_; }
@@ -74,10 +79,21 @@ private:
     VisibleView project(const Camera& camera, int channels);
     void shareOutErrors(const Camera& camera, const float* image, const PreparedImage* const* references, int imageCount, double* splatErrors);
     void splitSplat(size_t parent, size_t child);
+    void permute(const std::vector<uint32_t>& order);
+    void keepRows(const std::vector<uint32_t>& kept, const std::vector<uint32_t>& dropped);
+    SplatCloud cloud() const;
 
     TrainerOptions options_;
     std::unique_ptr<TrainableAppearance> appearance_;
     SplatGeometry geometry_;
+    /// Colour that does not depend on the light, with Adam's state: logarithms. Empty: none.
+    struct AmbientRow { std::array<float, 3> value, momentum, second; };
+    std::vector<AmbientRow> ambient_;
+    bool hasAmbient(size_t lights) const { return !ambient_.empty() && appearance_->channels(int(lights)) == 3 * int(lights); }
+    void addAmbient(size_t lights);
+    void stepAmbient(size_t lights, float rate);
+    void resizeAmbient(size_t count);
+
     std::vector<float> gradientSum_; // per splat, since resetStatistics: |d loss / d mean| in pixels, and how often it was active
     std::vector<uint32_t> seen_;
 

@@ -79,7 +79,7 @@ public:
         const auto with = [&](const char* part) { return std::find(options.without.begin(), options.without.end(), part) == options.without.end(); };
         lobeOn_ = with("lobe"), forwardOn_ = with("forward"), visibilityOn_ = with("visibility");
         sharing_ = with("sharing"), scheduled_ = with("schedule"), searching_ = with("normal-search");
-        nearLights_ = options.pointLights;
+        nearLights_ = options.pointLights, region_ = options.region;
         start_ = std::clamp(options.brightness / kUsualBrightness, kLeastStart, 1.0f);
         shared_ = sharedForward_ = SharedAdam(sharing_ && scheduled_);
         parameters_.sFunctions = bands_.scatter = scatterFunctions_ = with("s") ? options.scatterFunctions : 0; // all in use until beginStep says otherwise
@@ -119,7 +119,7 @@ public:
     {
         const bool renewed = visibilityOn_ && renewalsDue(progress) > renewed_;
         if (!renewed && (visibilityOn_ || transportStarted_ || progress < kTransportStart)) return true;
-        ahead_ = lightVisibility(geometry, kVisibilitySize, kVisibilityOversample, nearLights_, goOn);
+        ahead_ = lightVisibilityWithin(region_, geometry, kVisibilitySize, kVisibilityOversample, nearLights_, goOn);
         return !ahead_.empty();
     }
 
@@ -278,7 +278,7 @@ private:
     std::vector<uint8_t> drawnVisibility(std::span<const GaussianGeometry<float>> geometry)
     {
         if (!ahead_.empty()) return std::exchange(ahead_, {});
-        return lightVisibility(geometry, kVisibilitySize, kVisibilityOversample, nearLights_);
+        return lightVisibilityWithin(region_, geometry, kVisibilitySize, kVisibilityOversample, nearLights_);
     }
 
     // T_dir = visibility times twice the cosine, as spherical harmonics: on an open plane 0.5 in the mean, like the constant before.
@@ -337,6 +337,7 @@ private:
     bool normalsKnown_ = false, lobeOn_ = true, forwardOn_ = true, visibilityOn_ = true, sharing_ = true, scheduled_ = true;
     std::vector<uint8_t> ahead_;        // visibility, by prepareStep
     std::vector<glm::vec3> nearLights_; // of training; those that matter are found among them
+    glm::vec4 region_{0};               // as AppearanceOptions has it
     bool transportStarted_ = false;     // T_dir has its start
     bool searching_ = true;
     int searched_ = 0;                  // how many of kSearchAt are done

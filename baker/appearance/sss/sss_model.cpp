@@ -65,7 +65,7 @@ struct AdamRate {
 
 class SssModel final : public TrainableAppearance {
 public:
-    explicit SssModel(const AppearanceOptions& options) : nearLights_(options.pointLights), nearness_(options.lightDistancesVary)
+    explicit SssModel(const AppearanceOptions& options) : nearLights_(options.pointLights), region_(options.region), nearness_(options.lightDistancesVary)
     {
         for (const std::string& part : options.without) leaveOut(part, {});
         codeOn_ = std::find(options.without.begin(), options.without.end(), "code") == options.without.end();
@@ -124,7 +124,7 @@ public:
     bool prepareStep(double progress, std::span<const GaussianGeometry<float>> geometry, const std::function<bool()>& goOn) override
     {
         if (!visibilityOn_ || renewalsDue(progress) <= renewed_) return true;
-        ahead_ = lightVisibility(geometry, kVisibilitySize, 1, nearLights_, goOn);
+        ahead_ = lightVisibilityWithin(region_, geometry, kVisibilitySize, 1, nearLights_, goOn);
         return !ahead_.empty();
     }
 
@@ -135,7 +135,7 @@ public:
         const int due = renewalsDue(progress);
         if (due > renewed_) {
             if (progress < kNormalsUntil || renewed_ == 0) findNormals(geometry);
-            if (visibilityOn_) visibility_ = ahead_.empty() ? lightVisibility(geometry, kVisibilitySize, 1, nearLights_) : std::move(ahead_);
+            if (visibilityOn_) visibility_ = ahead_.empty() ? lightVisibilityWithin(region_, geometry, kVisibilitySize, 1, nearLights_) : std::move(ahead_);
             ahead_.clear();
             renewed_ = due;
         }
@@ -486,6 +486,7 @@ private:
     bool residualOn_ = true, visibilityOn_ = true, codeOn_ = true;
     bool roughnessMayRestart_ = true;   // it has not yet
     std::vector<glm::vec3> nearLights_; // of training; those that matter are found among them
+    glm::vec4 region_{0};               // as AppearanceOptions has it
     bool nearness_;                     // the network is told how near a light is
     SssWeights weights_;
     std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;
