@@ -4,9 +4,6 @@
 
 namespace nacre {
 
-constexpr int kShifts[] = {0, 4, 7, 10}; // log2 of the groups' sizes
-constexpr float kStill = 0.1f;
-
 static size_t groupCount(size_t count, int shift) { return count == 0 ? 0 : ((count - 1) >> shift) + 1; }
 
 void SharedAdam::stepLevel(Level& level, int shift, std::span<const float> gradient, std::span<const uint8_t> active, const Rates& rates)

@@ -32,11 +32,17 @@ public:
     void save(ByteWriter& out) const;
     bool load(ByteReader& in, size_t count);
 
-private:
+    static constexpr int kShifts[] = {0, 4, 7, 10}; // log2 of the groups' sizes
+    static constexpr float kStill = 0.1f;
     struct Level {
         int steps = 0;
         std::vector<float> momentum, second; // [groups][kNumbers], [groups][2]
     };
+    /// One for each of kShifts, or only the first; none before the first step.
+    std::vector<Level>& levels() { return levels_; }
+    bool sharing() const { return sharing_; }
+
+private:
     void stepLevel(Level& level, int shift, std::span<const float> gradient, std::span<const uint8_t> active, const Rates& rates);
     bool sharing_;
     std::vector<Level> levels_;

@@ -50,6 +50,10 @@ struct OptionalPart {
 
 struct ViewEvidence; // evidence.h
 
+/// Geometry of all splats, and whatever else a model keeps on the host, as the last step has left them: asked for before anything is looked at or
+/// changed, as they may have to come from a device.
+using HostGeometry = std::function<std::span<const GaussianGeometry<float>>()>;
+
 class TrainableAppearance {
 public:
     virtual ~TrainableAppearance() = default;
@@ -61,13 +65,15 @@ public:
     virtual void permute(std::span<const uint32_t> order) = 0;
 
     /// What takes long in the beginStep that comes next, done ahead so that it can be given up: false once `goOn`, asked now and then, says no.
-    virtual bool prepareStep(double progress, std::span<const GaussianGeometry<float>> geometry, const std::function<bool()>& goOn)
+    virtual bool prepareStep(double progress, const HostGeometry& geometry, const std::function<bool()>& goOn)
     {
         return (void)progress, (void)geometry, !goOn || goOn();
     }
     /// `progress` in [0, 1] says what is in use, `rate` scales the learning rates; `step` counts from 1; `random` are three
     /// numbers in [0, 1). Now and then the model looks at the geometry of all splats, for what follows from it (normals, visibility).
-    virtual void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) = 0;
+    virtual void beginStep(double progress, double rate, int step, const float random[3], const HostGeometry& geometry) = 0;
+    /// After beginStep: what splats learn from their neighbours before anybody looks at them. Devices have their own.
+    virtual void shareAmongNeighbours() {}
     /// How many channels are blended under so many lights: a count that the rasteriser takes (raster.h).
     virtual int channels(int lightCount) const { return 3 * lightCount; }
     /// Which of them is the distance of the splat's centre from the eye, so that its gradient moves splats; -1: none.

@@ -106,14 +106,14 @@ Result<PartWorth> tryWithout(const OptionalPart& part, const TrialSteps& steps, 
     const std::vector<std::byte> after = saved(trainer);
 
     if (Status s = restore(trainer, before); !s) return s.error();
-    trainer.appearance().leaveOut(part.name, {});
+    trainer.leaveOut(part.name, {});
     auto without = run(steps, part.bySplat, trainer, step);
     if (!without) return undone(without.error());
 
     const Verdict verdict = judge(part, *with, *without, trainer.count());
     if (verdict.keeping == 0) return verdict.worth;
     if (Status s = restore(trainer, after); !s) return s.error();
-    if (verdict.keeping < trainer.count()) trainer.appearance().leaveOut(part.name, verdict.kept);
+    if (verdict.keeping < trainer.count()) trainer.leaveOut(part.name, verdict.kept);
     return verdict.worth;
 }
 

@@ -1,15 +1,10 @@
-// One bake in progress: geometry and appearance of all splats, and the step that improves them on one view.
+// One bake in progress: geometry and appearance of all splats, where they start, split and end; and the engine whose steps improve them.
 #pragma once
 
-#include "appearance/evidence.h"
-#include "appearance/trainable.h"
-#include "render/raster.h"
-#include "splat/geometry.h"
 #include "splat/visual_hull.h"
-#include "train/loss.h"
 #include "train/object_region.h"
+#include "train/step_engine.h"
 
-#include <array>
 #include <memory>
 
 namespace nacre {
@@ -24,12 +19,9 @@ struct TrainerOptions {
     uint64_t seed = 1;
 };
 
-enum Stage { kStageProject, kStageBin, kStageShade, kStageBlend, kStageResolve, kStageLoss, kStageBlendBack, kStageGeometryBack, kStageShadeBack, kStageCount };
-const char* stageName(Stage stage);
-
 class Trainer {
 public:
-    Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppearance> appearance);
+    Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppearance> appearance, const MakeStepEngine& makeEngine = makeCpuEngine);
 
     /// Splats at the points, `spacing` apart: discs across the normals, or balls if not `flat`.
     void initialize(std::span<const OrientedPoint> points, float spacing, bool flat, float opacity = 0.5f);
@@ -37,25 +29,23 @@ public:
     /// Splats as they are, each `tints` times the brightness of a new one.
     void initialize(const SplatCloud& cloud, std::span<const glm::vec3> tints);
 
-    /// Where a step stands in the bake.
-    struct Moment {
-        int step = 1;        // from 1
-        double progress = 0; // [0, 1]: of the bake; what is in use depends on it
-        double rate = 1;     // scales all learning rates
-    };
+    using Moment = StepMoment;
     /// TrainableAppearance::prepareStep: call before a step that one may want to give up.
-    bool prepareStep(double progress, const std::function<bool()>& goOn) { return appearance_->prepareStep(progress, geometry_.activated, goOn); }
-    /// One camera under up to kMaxLightsPerStep lights. splatErrors, if given, [count()]: adds the squared error of the object's pixels
-    /// before the step, each pixel's shared out among the splats by their blending weights.
+    bool prepareStep(double progress, const std::function<bool()>& goOn);
+    /// These three as StepEngine.
     LossStats step(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references, const Moment& moment,
-                   double* splatErrors = nullptr);
-
-    /// Renders without learning; planes as rasterForward, three per light plus alpha.
-    void render(const Camera& camera, std::span<const Light> lights, std::vector<float>& planes);
-
-    /// What the images of one view show beyond the render without highlights.
-    ViewEvidence evidence(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references);
-    void useEvidence(double progress, std::span<const ViewEvidence> views) { appearance_->useEvidence(progress, geometry_.activated, views); }
+                   double* splatErrors = nullptr)
+    {
+        return engine_->step(camera, lights, references, moment, splatErrors);
+    }
+    void render(const Camera& camera, std::span<const Light> lights, std::vector<float>& planes) { engine_->render(camera, lights, planes); }
+    ViewEvidence evidence(const Camera& camera, std::span<const Light> lights, const PreparedImage* const* references)
+    {
+        return engine_->evidence(camera, lights, references);
+    }
+    void useEvidence(double progress, std::span<const ViewEvidence> views);
+    /// TrainableAppearance::leaveOut.
+    void leaveOut(const std::string& part, std::span<const uint8_t> kept);
 
     /// Splits the splats whose image gradient is largest: into the places of those that contribute nothing, and `grow` new ones.
     void densify(size_t grow);
@@ -65,47 +55,26 @@ public:
     /// Cuts off everything but the object.
     ObjectCut keepObject(const ObjectRegion& region, const std::vector<Camera>& cameras);
 
-    size_t count() const { return geometry_.count(); }
-    TrainableAppearance& appearance() { return *appearance_; }
+    size_t count() const { return state_->count(); }
+    const TrainableAppearance& appearance() const { return *state_->appearance; }
     void exportTo(SplatAsset& asset) const;
     void save(ByteWriter& out) const;
     bool load(ByteReader& in);
 
-    std::array<double, kStageCount> stageSeconds{}; // accumulated by step()
-    size_t lastVisible = 0, lastActive = 0, lastEntries = 0; // of the last step; entries are (splat, tile) pairs
-    size_t lastBlocks() const;                               // its (splat, 4x4 block) pairs, counted here
+    StepEngine& engine() { return *engine_; }
 
 private:
-    VisibleView project(const Camera& camera, int channels);
-    void shareOutErrors(const Camera& camera, const float* image, const PreparedImage* const* references, int imageCount, double* splatErrors);
+    SplatGeometry& geometry() { return state_->geometry; }
+    void finishInitialize();
+    void resizeAmbient(size_t count);
     void splitSplat(size_t parent, size_t child);
     void permute(const std::vector<uint32_t>& order);
     void keepRows(const std::vector<uint32_t>& kept, const std::vector<uint32_t>& dropped);
     SplatCloud cloud() const;
 
     TrainerOptions options_;
-    std::unique_ptr<TrainableAppearance> appearance_;
-    SplatGeometry geometry_;
-    /// Colour that does not depend on the light, with Adam's state: logarithms. Empty: none.
-    struct AmbientRow { std::array<float, 3> value, momentum, second; };
-    std::vector<AmbientRow> ambient_;
-    bool hasAmbient(size_t lights) const { return !ambient_.empty() && appearance_->channels(int(lights)) == 3 * int(lights); }
-    void addAmbient(size_t lights);
-    void stepAmbient(size_t lights, float rate);
-    void resizeAmbient(size_t count);
-
-    std::vector<float> gradientSum_; // per splat, since resetStatistics: |d loss / d mean| in pixels, and how often it was active
-    std::vector<uint32_t> seen_;
-
-    // Working memory of a step, reused.
-    View<float> view_{};
-    TileBuilder builder_;
-    RasterScratch rasterScratch_;
-    ImageLoss loss_;
-    std::vector<uint32_t> visibleFromSplat_;
-    std::vector<uint8_t> active_;
-    std::vector<float> colors_, dColors_, dDistances_, planes_, dImage_;
-    std::vector<ScreenGradient<float>> dSplats_;
+    std::unique_ptr<SplatState> state_; // where it is, so that the engine finds it when the trainer moves
+    std::unique_ptr<StepEngine> engine_;
 };
 
 } // namespace nacre

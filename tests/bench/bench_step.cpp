@@ -140,14 +140,15 @@ int main(int argc, char** argv)
     std::vector<double> total, stage[kStageCount];
     double visible = 0, active = 0, entries = 0, blocks = 0;
     for (int k = 0; k < steps + 10; ++k) {
-        trainer.stageSeconds = {};
+        trainer.engine().resetFigures();
         const double start = now();
         trainer.step(camera(k, size), lights, references, {k + 1, 0.5});
         if (k < 10) continue;
         total.push_back(1e3 * (now() - start));
-        for (int s = 0; s < kStageCount; ++s) stage[s].push_back(1e3 * trainer.stageSeconds[s]);
-        visible += double(trainer.lastVisible) / steps, active += double(trainer.lastActive) / steps,
-            entries += double(trainer.lastEntries) / steps, blocks += double(trainer.lastBlocks()) / steps;
+        const StepFigures figures = trainer.engine().figures();
+        for (int s = 0; s < kStageCount; ++s) stage[s].push_back(1e3 * figures.stageSeconds[s]);
+        visible += double(figures.visible) / steps, active += double(figures.active) / steps, entries += double(figures.entries) / steps,
+            blocks += double(figures.blocks) / steps;
     }
     const auto median = [](std::vector<double> v) {
         std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end());

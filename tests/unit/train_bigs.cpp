@@ -360,7 +360,7 @@ TEST_CASE("splats without s stay so when they are saved, moved and split, and th
     lit.eye[2] = 4;
     std::vector<float> colors(7 * 16), d(7 * 16, 1.0f);
     const float random[3] = {0.1f, 0.2f, 0.3f};
-    loaded->beginStep(0.5, 1, 1, random, seven);
+    loaded->beginStep(0.5, 1, 1, random, [&] { return std::span<const GaussianGeometry<float>>(seven); });
     loaded->forward(view, lit, colors.data());
     loaded->backwardAndStep(view, lit, std::vector<uint8_t>(7, 1).data(), d.data());
     bool found = false;

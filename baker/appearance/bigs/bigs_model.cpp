@@ -1,8 +1,7 @@
 // bigs as a TrainableAppearance: initial values, schedule of rates and bands, export.
-#include "appearance/bigs/bigs_training.h"
+#include "appearance/bigs/bigs_state.h"
 #include "appearance/bigs/indirect_sharing.h"
 #include "appearance/bigs/normal_search.h"
-#include "appearance/shared_adam.h"
 #include "base/fibonacci_sphere.h"
 #include "base/spherical_harmonics.h"
 #include "splat/light_visibility.h"
@@ -66,8 +65,7 @@ constexpr float kInitialSharpness = 15, kInitialRho = 0.3f, kInitialLobeColor = 
 // A darker object starts darker: else its splats fade before their colour has become dark, and do not come back.
 constexpr float kUsualBrightness = 0.4f, kLeastStart = 0.02f;
 constexpr float kLeastTint = 0.1f, kMostTint = 3; // of a splat's start, by what it looks like
-constexpr float kInitialForwardSharpness = 4, kMinLogForward = -1, kMaxLogForward = 5; // g of Henyey and Greenstein 0.16 up to 0.89
-constexpr float kMinLogSharpness = 0.7f, kMaxLogSharpness = 7.0f; // GGX roughness (square root of alpha) 0.76 down to 0.17
+constexpr float kInitialForwardSharpness = 4;
 constexpr float kPositiveWeight = 0.01f, kEnergyWeight = 0.01f;
 
 int functionsOfDegree(int degree) { return (degree + 1) * (degree + 1); }
@@ -81,16 +79,16 @@ public:
         sharing_ = with("sharing"), scheduled_ = with("schedule"), searching_ = with("normal-search");
         nearLights_ = options.pointLights, region_ = options.region;
         start_ = std::clamp(options.brightness / kUsualBrightness, kLeastStart, 1.0f);
-        shared_ = sharedForward_ = SharedAdam(sharing_ && scheduled_);
-        parameters_.sFunctions = bands_.scatter = scatterFunctions_ = with("s") ? options.scatterFunctions : 0; // all in use until beginStep says otherwise
+        state_.shared = state_.sharedForward = SharedAdam(sharing_ && scheduled_);
+        state_.parameters.sFunctions = state_.bands.scatter = scatterFunctions_ = with("s") ? options.scatterFunctions : 0; // all in use until beginStep says otherwise
     }
 
-    size_t count() const override { return parameters_.count; }
+    size_t count() const override { return state_.parameters.count; }
 
     void resize(size_t count) override
     {
-        const size_t old = parameters_.count;
-        parameters_.resize(count);
+        const size_t old = state_.parameters.count;
+        state_.parameters.resize(count);
         for (size_t i = old; i < count; ++i) {
             at(i, kTDir) = 0.5f / 0.28209479f; // T_dir = 0.5 in every direction
             for (int c = 0; c < 3; ++c) at(i, kRho + c) = start_ * kInitialRho, at(i, kLobeColor + c) = at(i, kForward + 1 + c) = start_ * kInitialLobeColor;
@@ -107,121 +105,127 @@ public:
     }
 
     // Splats come to lie elsewhere only here: permute follows every copy.
-    void copySplat(size_t from, size_t to) override { parameters_.copySplat(from, to); }
+    void copySplat(size_t from, size_t to) override { state_.parameters.copySplat(from, to); }
     void permute(std::span<const uint32_t> order) override
     {
-        parameters_.permute(order);
-        shared_.reset(), sharedForward_.reset();
-        neighbours_.clear();
+        state_.parameters.permute(order);
+        state_.shared.reset(), state_.sharedForward.reset();
+        state_.neighbours.clear();
     }
 
-    bool prepareStep(double progress, std::span<const GaussianGeometry<float>> geometry, const std::function<bool()>& goOn) override
+    bool prepareStep(double progress, const HostGeometry& geometry, const std::function<bool()>& goOn) override
     {
         const bool renewed = visibilityOn_ && renewalsDue(progress) > renewed_;
         if (!renewed && (visibilityOn_ || transportStarted_ || progress < kTransportStart)) return true;
-        ahead_ = lightVisibilityWithin(region_, geometry, kVisibilitySize, kVisibilityOversample, nearLights_, goOn);
+        ahead_ = lightVisibilityWithin(region_, geometry(), kVisibilitySize, kVisibilityOversample, nearLights_, goOn);
         return !ahead_.empty();
     }
 
-    void beginStep(double progress, double rate, int step, const float random[3], std::span<const GaussianGeometry<float>> geometry) override
+    void beginStep(double progress, double rate, int step, const float random[3], const HostGeometry& geometry) override
     {
         const int due = renewalsDue(progress);
-        if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > renewed_ && progress < kNormalsUntil))) findNormals(geometry);
-        bands_.lobe = lobeOn_ && normalsKnown_;
-        bands_.forward = forwardOn_ && progress >= kSharpStart;
-        if (visibilityOn_ && due > renewed_) parameters_.visibility = drawnVisibility(geometry);
+        if (lobeOn_ && due > 0 && (!normalsKnown_ || (due > renewed_ && progress < kNormalsUntil))) findNormals(geometry());
+        state_.bands.lobe = lobeOn_ && normalsKnown_;
+        state_.bands.forward = forwardOn_ && progress >= kSharpStart;
+        if (visibilityOn_ && due > renewed_) state_.parameters.visibility = drawnVisibility(geometry());
         renewed_ = due;
-        if (!visibilityOn_ && !transportStarted_ && progress >= kTransportStart) startTransport(geometry);
+        if (!visibilityOn_ && !transportStarted_ && progress >= kTransportStart) startTransport(geometry());
         transportStarted_ = progress >= kTransportStart;
         const int degree = std::min(4, int(progress / kBandEvery));
-        bands_.direct = bands_.indirect = functionsOfDegree(degree);
-        bands_.scatter = progress < kScatterStart
-                             ? 0
-                             : std::min(parameters_.sFunctions, functionsOfDegree(std::min(4, int((progress - kScatterStart) / kBandEvery))));
-        if (sharing_ && progress >= kShareFrom && step % kShareEvery == 0) shareIndirectLight(geometry);
+        state_.bands.direct = state_.bands.indirect = functionsOfDegree(degree);
+        const int scatterDegree = std::min(4, int((progress - kScatterStart) / kBandEvery));
+        state_.bands.scatter = progress < kScatterStart ? 0 : std::min(state_.parameters.sFunctions, functionsOfDegree(scatterDegree));
+        state_.shareRate = sharing_ && progress >= kShareFrom && step % kShareEvery == 0 ? kShareRate : 0;
+        if (state_.shareRate > 0 && state_.neighbours.empty()) findNeighbours(geometry());
         for (const ChannelRow& c : kChannels)
-            for (int group = c.group; group <= c.last; ++group) update_.rate[group] = scheduled_ ? c.rate * float(rate) : kPlainRate;
-        sharedRates_ = {scheduled_ ? kRateSharpness * float(rate) : kPlainRate, scheduled_ ? kRateLobeColor * float(rate) : kPlainRate, update_.beta1, update_.beta2};
-        update_.step = step;
-        update_.positiveWeight = kPositiveWeight / float(parameters_.count);
-        update_.energyWeight = kEnergyWeight / float(parameters_.count);
+            for (int group = c.group; group <= c.last; ++group) state_.update.rate[group] = scheduled_ ? c.rate * float(rate) : kPlainRate;
+        state_.sharedRates = {scheduled_ ? kRateSharpness * float(rate) : kPlainRate, scheduled_ ? kRateLobeColor * float(rate) : kPlainRate,
+                              state_.update.beta1, state_.update.beta2};
+        state_.update.step = step;
+        state_.update.positiveWeight = kPositiveWeight / float(state_.parameters.count);
+        state_.update.energyWeight = kEnergyWeight / float(state_.parameters.count);
         const float z = 2 * random[0] - 1, r = std::sqrt(std::max(0.0f, 1 - z * z)), phi = 6.2831853f * random[1];
-        random_ = {kPositiveWeight > 0 || kEnergyWeight > 0, {r * std::cos(phi), r * std::sin(phi), z}};
+        state_.random = {kPositiveWeight > 0 || kEnergyWeight > 0, {r * std::cos(phi), r * std::sin(phi), z}};
+    }
+
+    void shareAmongNeighbours() override
+    {
+        if (state_.shareRate > 0) shareIndirect(state_.parameters, state_.neighbours, state_.bands.indirect, state_.shareRate, shareScratch_);
     }
 
     void forward(const VisibleView& view, const LitView& lit, float* colors) override
     {
-        terms_.resize(parameters_.blocks() * kBigsTermStride * kLanes16);
-        bigsForward(parameters_, view, lit, bands_, random_, colors, terms_.data());
+        terms_.resize(state_.parameters.blocks() * kBigsTermStride * kLanes16);
+        bigsForward(state_.parameters, view, lit, state_.bands, state_.random, colors, terms_.data());
     }
 
     void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dColors) override
     {
-        bigsBackwardAndStep(parameters_, view, lit, bands_, random_, active, dColors, terms_.data(), update_, lobeGradients_, forwardGradients_);
-        if (bands_.lobe) stepShared(shared_, lobeGradients_, kLobeSharpness, kMinLogSharpness, kMaxLogSharpness);
-        if (bands_.forward) stepShared(sharedForward_, forwardGradients_, kForward, kMinLogForward, kMaxLogForward);
+        bigsBackwardAndStep(state_.parameters, view, lit, state_.bands, state_.random, active, dColors, terms_.data(), state_.update, lobeGradients_,
+                            forwardGradients_);
+        if (state_.bands.lobe) stepShared(state_.shared, lobeGradients_, kLobeSharpness, kMinLogSharpness, kMaxLogSharpness);
+        if (state_.bands.forward) stepShared(state_.sharedForward, forwardGradients_, kForward, kMinLogForward, kMaxLogForward);
     }
 
-    bool wantsEvidence(double progress) const override { return searching_ && bands_.lobe && passed(kSearchAt, progress) > searched_; }
-    void hideHighlights(bool hidden) override { bands_.lobe = !hidden && lobeOn_ && normalsKnown_; }
+    bool wantsEvidence(double progress) const override { return searching_ && state_.bands.lobe && passed(kSearchAt, progress) > searched_; }
+    void hideHighlights(bool hidden) override { state_.bands.lobe = !hidden && lobeOn_ && normalsKnown_; }
     void useEvidence(double progress, std::span<const GaussianGeometry<float>> geometry, std::span<const ViewEvidence> views) override
     {
         searched_ = passed(kSearchAt, progress);
-        searchNormals(parameters_, geometry, views);
+        searchNormals(state_.parameters, geometry, views);
     }
 
     std::vector<OptionalPart> optionalParts() const override
     {
         std::vector<OptionalPart> parts;
-        if (parameters_.sFunctions > 0) parts.push_back({"s", kScatterJudgedAt, kScatterWorth, true});
+        if (state_.parameters.sFunctions > 0) parts.push_back({"s", kScatterJudgedAt, kScatterWorth, true});
         if (lobeOn_ && normalsKnown_) parts.push_back({"lobe", kSharpJudgedAt, kSharpWorth});
-        if (bands_.forward) parts.push_back({"forward", kSharpJudgedAt, kSharpWorth});
-        if (!parameters_.visibility.empty()) parts.push_back({"visibility", kSharpJudgedAt, kSharpWorth});
+        if (state_.bands.forward) parts.push_back({"forward", kSharpJudgedAt, kSharpWorth});
+        if (!state_.parameters.visibility.empty()) parts.push_back({"visibility", kSharpJudgedAt, kSharpWorth});
         return parts;
     }
 
     void leaveOut(const std::string& part, std::span<const uint8_t> kept) override
     {
         if (part == "s") {
-            if (kept.empty()) parameters_.dropScatter(), bands_.scatter = 0;
-            else parameters_.keepScatter(kept);
+            if (kept.empty()) state_.parameters.dropScatter(), state_.bands.scatter = 0;
+            else state_.parameters.keepScatter(kept);
         }
-        if (part == "lobe") lobeOn_ = bands_.lobe = false;
-        if (part == "forward") forwardOn_ = bands_.forward = false;
-        if (part == "visibility") visibilityOn_ = false, parameters_.visibility.clear();
+        if (part == "lobe") lobeOn_ = state_.bands.lobe = false;
+        if (part == "forward") forwardOn_ = state_.bands.forward = false;
+        if (part == "visibility") visibilityOn_ = false, state_.parameters.visibility.clear();
     }
 
     std::vector<Channel> exportChannels() const override
     {
-        const bool shaded = !parameters_.visibility.empty();
+        const bool shaded = !state_.parameters.visibility.empty();
         std::vector<Channel> channels;
         for (const ChannelRow& row : kChannels) {
-            const bool used = row.first == kLobe ? lobeOn_ && normalsKnown_ : row.first == kForward ? bands_.forward : row.first == kShadow ? shaded : true;
-            const int components = row.components > 0 ? row.components : parameters_.coefficients() - row.first;
+            const bool used = row.first == kLobe ? lobeOn_ && normalsKnown_ : row.first == kForward ? state_.bands.forward : row.first == kShadow ? shaded : true;
+            const int components = row.components > 0 ? row.components : state_.parameters.coefficients() - row.first;
             if (!used || components == 0) continue;
-            Channel c{row.name, uint32_t(components), std::vector<float>(parameters_.count * size_t(components)), {}};
-            for (size_t i = 0; i < parameters_.count; ++i)
+            Channel c{row.name, uint32_t(components), std::vector<float>(state_.parameters.count * size_t(components)), {}};
+            for (size_t i = 0; i < state_.parameters.count; ++i)
                 for (int k = 0; k < components; ++k) c.values[i * size_t(components) + size_t(k)] = at(i, row.first + k);
             if (row.first == kLobe) finishLobes(c.values);
             if (row.first == kForward)
                 for (size_t i = 0; i < c.values.size(); i += kBigsForwardFloats) c.values[i] = std::exp(c.values[i]);
             channels.push_back(std::move(c));
         }
-        if (shaded) channels.push_back({"visibility", kVisibilityTexels, {}, parameters_.visibility});
+        if (shaded) channels.push_back({"visibility", kVisibilityTexels, {}, state_.parameters.visibility});
         return channels;
     }
 
     void save(ByteWriter& out) const override
     {
-        out.value(int32_t(parameters_.sFunctions));
-        out.value(uint64_t(parameters_.count));
-        out.array(parameters_.value), out.array(parameters_.momentum), out.array(parameters_.secondMoment), out.array(parameters_.visibility);
-        out.array(parameters_.scatters);
+        const BigsParameters& p = state_.parameters;
+        out.value(int32_t(p.sFunctions)), out.value(uint64_t(p.count));
+        out.array(p.value), out.array(p.momentum), out.array(p.secondMoment), out.array(p.visibility), out.array(p.scatters);
         out.value(normalsKnown_), out.value(lobeOn_), out.value(visibilityOn_), out.value(transportStarted_), out.value(int32_t(renewed_)), out.value(int32_t(searched_));
-        for (int functions : {bands_.direct, bands_.indirect, bands_.scatter}) out.value(int32_t(functions)); // a view may be drawn before the next step
-        out.value(bands_.lobe), out.value(forwardOn_), out.value(bands_.forward);
-        shared_.save(out), sharedForward_.save(out);
-        out.array(neighbours_);
+        for (int functions : {state_.bands.direct, state_.bands.indirect, state_.bands.scatter}) out.value(int32_t(functions)); // a view may be drawn before the next step
+        out.value(state_.bands.lobe), out.value(forwardOn_), out.value(state_.bands.forward);
+        state_.shared.save(out), state_.sharedForward.save(out);
+        out.array(state_.neighbours);
     }
 
     bool load(ByteReader& in) override
@@ -237,7 +241,7 @@ public:
         bands.lobe = in.value<bool>(), forwardOn_ = in.value<bool>(), bands.forward = in.value<bool>();
         const auto in25 = [](int functions, int least) { return functions >= least && functions <= 25; };
         if (!in25(bands.direct, 1) || !in25(bands.indirect, 1) || !in25(bands.scatter, 0) || bands.scatter > p.sFunctions) return false;
-        if (!shared_.load(in, p.count) || !sharedForward_.load(in, p.count)) return false;
+        if (!state_.shared.load(in, p.count) || !state_.sharedForward.load(in, p.count)) return false;
         std::vector<uint32_t> neighbours;
         in.array(neighbours);
         if (!neighbours.empty() && neighbours.size() != p.count * kSplatNeighbours) return false;
@@ -247,13 +251,13 @@ public:
         if (in.failed || p.value.size() != floats || p.momentum.size() != floats || p.secondMoment.size() != p.blocks() * kBigsGroups * kLanes16 ||
             (!p.visibility.empty() && p.visibility.size() != p.count * kVisibilityTexels) || (!p.scatters.empty() && p.scatters.size() != p.count))
             return false;
-        parameters_ = std::move(p), neighbours_ = std::move(neighbours), bands_ = bands;
+        state_.parameters = std::move(p), state_.neighbours = std::move(neighbours), state_.bands = bands;
         return true;
     }
 
 private:
-    float at(size_t splat, int k) const { return parameters_.value[parameters_.index(splat, k)]; }
-    float& at(size_t splat, int k) { return parameters_.value[parameters_.index(splat, k)]; }
+    float at(size_t splat, int k) const { return state_.parameters.value[state_.parameters.index(splat, k)]; }
+    float& at(size_t splat, int k) { return state_.parameters.value[state_.parameters.index(splat, k)]; }
 
     // A splat's shortest axis is a better normal (3 degrees off in the median on a sphere) than what T_dir says (36 degrees: the lights of
     // a capture come from one side); T_dir only tells the outside from the inside. Its band 1 is -c3, -c1, c2.
@@ -298,17 +302,13 @@ private:
         });
     }
 
-    void shareIndirectLight(std::span<const GaussianGeometry<float>> geometry)
-    {
-        if (neighbours_.empty()) neighbours_ = splatNeighbours(geometry, surfaceNormals(geometry));
-        shareIndirect(parameters_, neighbours_, bands_.indirect, kShareRate, shareScratch_);
-    }
+    void findNeighbours(std::span<const GaussianGeometry<float>> geometry) { state_.neighbours = splatNeighbours(geometry, surfaceNormals(geometry)); }
 
     // first: the logarithm of the sharpness, and behind it the colour.
     void stepShared(SharedAdam& adam, const BigsLobeGradients& gradients, int first, float least, float most)
     {
-        const std::span<const float> steps = adam.step(gradients.gradient, gradients.active, sharedRates_);
-        for (size_t i = 0; i < parameters_.count; ++i) {
+        const std::span<const float> steps = adam.step(gradients.gradient, gradients.active, state_.sharedRates);
+        for (size_t i = 0; i < state_.parameters.count; ++i) {
             if (!gradients.active[i]) continue;
             at(i, first) = std::clamp(at(i, first) - steps[4 * i], least, most);
             for (int c = 0; c < 3; ++c) at(i, first + 1 + c) = std::max(0.0f, at(i, first + 1 + c) - steps[4 * i + 1 + size_t(c)]);
@@ -326,13 +326,12 @@ private:
         }
     }
 
-    BigsParameters parameters_;
+    friend BigsState* nacre::bigsState(TrainableAppearance& model);
+
+    BigsState state_;
     int scatterFunctions_ = 0;          // of s, unless it has been left out
     float start_ = 1;                   // brightness of a new splat, of the usual
-    SharedAdam shared_, sharedForward_;
-    SharedAdam::Rates sharedRates_;
     BigsLobeGradients lobeGradients_, forwardGradients_;
-    std::vector<uint32_t> neighbours_;  // splatNeighbours; empty: splats have changed places
     std::vector<float> shareScratch_;
     bool normalsKnown_ = false, lobeOn_ = true, forwardOn_ = true, visibilityOn_ = true, sharing_ = true, scheduled_ = true;
     std::vector<uint8_t> ahead_;        // visibility, by prepareStep
@@ -342,13 +341,16 @@ private:
     bool searching_ = true;
     int searched_ = 0;                  // how many of kSearchAt are done
     int renewed_ = 0;                   // how many of kVisibilityAt are done
-    BigsBands bands_;
-    BigsUpdate update_;
-    BigsRandomLight random_;
     AlignedVector<float> terms_;
 };
 
 } // namespace
+
+BigsState* bigsState(TrainableAppearance& model)
+{
+    BigsModel* bigs = dynamic_cast<BigsModel*>(&model);
+    return bigs ? &bigs->state_ : nullptr;
+}
 
 std::unique_ptr<TrainableAppearance> bigs::makeTrainable(const AppearanceOptions& options)
 {

@@ -3,8 +3,8 @@
 
 #include "appearance/sss/sss.h"
 #include "appearance/sss/sss_asset.h"
-#include "appearance/sss/sss_network_simd.h"
 #include "appearance/sss/sss_resolve.h"
+#include "appearance/sss/sss_state.h"
 #include "base/random.h"
 #include "render/channel_stride.h"
 #include "splat/geometry.h"
@@ -22,10 +22,7 @@ namespace nacre {
 
 namespace {
 
-// One row per splat. All before the normal go through a logistic function.
-constexpr int kBase = 0, kRough = 3, kMetal = 4, kScatter = 5, kNormal = 6, kCode = 9, kRowFloats = kCode + kSssCodeInputs;
-using Row = std::array<float, kRowFloats>;
-constexpr float kRate[kCode] = {2e-2f, 2e-2f, 2e-2f, 2e-2f, 1e-2f, 2e-2f, 1e-2f, 1e-2f, 1e-2f};
+constexpr float kRate[kSssRowCode] = {2e-2f, 2e-2f, 2e-2f, 2e-2f, 1e-2f, 2e-2f, 1e-2f, 1e-2f, 1e-2f};
 constexpr float kNetworkRate = 6e-3f, kCodeRate = 3e-2f;
 // The base colour of new splats is that of the object in the mean, within these bounds. From 0.5 the splats of a black object fade
 // before their colour has become dark, and do not come back: a third of its pixels stayed opaque.
@@ -65,50 +62,51 @@ struct AdamRate {
 
 class SssModel final : public TrainableAppearance {
 public:
-    explicit SssModel(const AppearanceOptions& options) : nearLights_(options.pointLights), region_(options.region), nearness_(options.lightDistancesVary)
+    explicit SssModel(const AppearanceOptions& options) : nearLights_(options.pointLights), region_(options.region)
     {
+        state_.nearness = options.lightDistancesVary;
         for (const std::string& part : options.without) leaveOut(part, {});
-        codeOn_ = std::find(options.without.begin(), options.without.end(), "code") == options.without.end();
+        state_.codeOn = std::find(options.without.begin(), options.without.end(), "code") == options.without.end();
         const float base = std::clamp(options.brightness, kDarkestStart, kBrightestStart);
-        for (int k = 0; k < 3; ++k) start_[size_t(kBase + k)] = std::log(base / (1 - base));
+        for (int k = 0; k < 3; ++k) start_[size_t(kSssRowBase + k)] = std::log(base / (1 - base));
         Random random(7);
         const auto layer = [&](int at, int outputs, int inputs, float gain) {
             const float bound = gain * std::sqrt(6.0f / float(inputs));
-            for (int k = 0; k < outputs * inputs; ++k) weights_.value[size_t(at + k)] = bound * (2 * random.uniform() - 1);
+            for (int k = 0; k < outputs * inputs; ++k) state_.weights.value[size_t(at + k)] = bound * (2 * random.uniform() - 1);
         };
         layer(kSssFirstFixed, kSssHidden1, kSssFixedInputs + kSssLightInputs, 1); // the light's inputs lie behind
-        for (int j = 0; !nearness_ && j < kSssHidden1; ++j) weights_.value[size_t(kSssFirstLight + kSssLightInputs * j + kSssNearnessInput)] = 0;
+        for (int j = 0; !state_.nearness && j < kSssHidden1; ++j) state_.weights.value[size_t(kSssFirstLight + kSssLightInputs * j + kSssNearnessInput)] = 0;
         layer(kSssSecond, kSssHidden2, kSssHidden1, 1), layer(kSssThird, kSssHidden3, kSssHidden2, 1);
         layer(kSssResidual, 3, kSssHidden3, 0.3f), layer(kSssShare, kSssHiddenShare, kSssHidden3, 1);
         layer(kSssCode, kSssHidden1, kSssCodeInputs, 1);
-        for (int c = 0; c < 3; ++c) weights_.value[size_t(kSssResidualBias + c)] = -2.0f;
-        weights_.transpose();
-        networkMomentum_.assign(kSssAllWeights, 0), networkSecond_.assign(kSssAllWeights, 0);
+        for (int c = 0; c < 3; ++c) state_.weights.value[size_t(kSssResidualBias + c)] = -2.0f;
+        state_.weights.transpose();
+        state_.networkMomentum.assign(kSssAllWeights, 0), state_.networkSecond.assign(kSssAllWeights, 0);
     }
 
-    size_t count() const override { return row_.size(); }
+    size_t count() const override { return state_.row.size(); }
     int channels(int lights) const override { return kSssSurfaceChannels + kSssLightChannels * lights; }
     int distanceChannel() const override { return kSssDepth; }
 
     void resize(size_t count) override
     {
-        row_.resize(count, start_);
-        momentum_.resize(count), second_.resize(count);
-        if (!visibility_.empty()) visibility_.resize(count * kVisibilityTexels, 255);
+        state_.row.resize(count, start_);
+        state_.momentum.resize(count), state_.second.resize(count);
+        if (!state_.visibility.empty()) state_.visibility.resize(count * kVisibilityTexels, 255);
     }
     void tint(size_t splat, const glm::vec3& factor) override
     {
         for (int k = 0; k < 3; ++k) {
-            float& raw = row_[splat][size_t(kBase + k)];
+            float& raw = state_.row[splat][size_t(kSssRowBase + k)];
             const float base = std::clamp(factor[k] / (1 + std::exp(-raw)), kDarkestStart, kBrightestStart);
             raw = std::log(base / (1 - base));
         }
     }
     void copySplat(size_t from, size_t to) override
     {
-        row_[to] = row_[from], momentum_[to] = second_[to] = Row{};
-        if (!visibility_.empty())
-            std::copy_n(&visibility_[from * kVisibilityTexels], kVisibilityTexels, &visibility_[to * kVisibilityTexels]);
+        state_.row[to] = state_.row[from], state_.momentum[to] = state_.second[to] = SssRow{};
+        if (!state_.visibility.empty())
+            std::copy_n(&state_.visibility[from * kVisibilityTexels], kVisibilityTexels, &state_.visibility[to * kVisibilityTexels]);
     }
     void permute(std::span<const uint32_t> order) override
     {
@@ -117,30 +115,29 @@ public:
             for (size_t i = 0; i < order.size(); ++i) std::copy_n(&data[order[i] * stride], stride, &moved[i * stride]);
             data.swap(moved);
         };
-        apply(row_, 1), apply(momentum_, 1), apply(second_, 1);
-        if (!visibility_.empty()) apply(visibility_, kVisibilityTexels);
+        apply(state_.row, 1), apply(state_.momentum, 1), apply(state_.second, 1);
+        if (!state_.visibility.empty()) apply(state_.visibility, kVisibilityTexels);
     }
 
-    bool prepareStep(double progress, std::span<const GaussianGeometry<float>> geometry, const std::function<bool()>& goOn) override
+    bool prepareStep(double progress, const HostGeometry& geometry, const std::function<bool()>& goOn) override
     {
         if (!visibilityOn_ || renewalsDue(progress) <= renewed_) return true;
-        ahead_ = lightVisibilityWithin(region_, geometry, kVisibilitySize, 1, nearLights_, goOn);
+        ahead_ = lightVisibilityWithin(region_, geometry(), kVisibilitySize, 1, nearLights_, goOn);
         return !ahead_.empty();
     }
 
-    void beginStep(double progress, double rate, int step, const float*,
-                   std::span<const GaussianGeometry<float>> geometry) override
+    void beginStep(double progress, double rate, int step, const float*, const HostGeometry& geometry) override
     {
-        if (frame_[3] == 0) findFrame(geometry);
+        if (state_.frame[3] == 0) findFrame(geometry());
         const int due = renewalsDue(progress);
         if (due > renewed_) {
-            if (progress < kNormalsUntil || renewed_ == 0) findNormals(geometry);
-            if (visibilityOn_) visibility_ = ahead_.empty() ? lightVisibilityWithin(region_, geometry, kVisibilitySize, 1, nearLights_) : std::move(ahead_);
+            if (progress < kNormalsUntil || renewed_ == 0) findNormals(geometry());
+            if (visibilityOn_) state_.visibility = ahead_.empty() ? lightVisibilityWithin(region_, geometry(), kVisibilitySize, 1, nearLights_) : std::move(ahead_);
             ahead_.clear();
             renewed_ = due;
         }
-        rate_ = float(rate);
-        correction1_ = 1 - std::pow(kBeta1, float(step)), correction2_ = 1 - std::pow(kBeta2, float(step));
+        state_.rate = float(rate);
+        state_.correction1 = 1 - std::pow(kBeta1, float(step)), state_.correction2 = 1 - std::pow(kBeta2, float(step));
     }
 
     void forward(const VisibleView& view, const LitView& lit, float* out) override
@@ -150,7 +147,7 @@ public:
         forEachBatch(view, [&](size_t, size_t first, int lanes) {
             Batch& batch = batches_[first / kSssLanes];
             fill(view, lit, first, lanes, batch);
-            if (residualOn_ || weights_.share) sssBatchForward(weights_, lit.lightCount, batch.network);
+            if (state_.residualOn || state_.weights.share) sssBatchForward(state_.weights, lit.lightCount, batch.network);
             for (int lane = 0; lane < lanes; ++lane) {
                 const size_t splat = first + size_t(lane);
                 const uint32_t v = view.visibleFromSplat[splat];
@@ -161,9 +158,9 @@ public:
                     const int row = l * kSssLanes + lane;
                     float* to = out + v * stride + kSssSurfaceChannels + kSssLightChannels * l;
                     to[kSssIncident] =
-                        batch.network.light[row][kSssVisibilityInput] * (weights_.share ? batch.network.share[row] : 1.0f);
+                        batch.network.light[row][kSssVisibilityInput] * (state_.weights.share ? batch.network.share[row] : 1.0f);
                     for (int c = 0; c < 3; ++c)
-                        to[kSssScattered + c] = residualOn_ ? scatter * batch.falloff[row] * lit.lights[l].intensity[c] *
+                        to[kSssScattered + c] = state_.residualOn ? scatter * batch.falloff[row] * lit.lights[l].intensity[c] *
                                                                   batch.network.residual[row][c]
                                                             : 0.0f;
                 }
@@ -187,9 +184,9 @@ public:
     void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dChannels) override
     {
         const size_t stride = size_t(channelStride(channels(lit.lightCount)));
-        const bool network = residualOn_ || weights_.share;
+        const bool network = state_.residualOn || state_.weights.share;
         if (network) dWeights_.assign(kRanges * kSssAllWeights, 0.0f);
-        const AdamRate adam{rate_, correction1_, correction2_};
+        const AdamRate adam{state_.rate, state_.correction1, state_.correction2};
         const float shareWeight = regulariser(kShareWeight) / float(count() * size_t(lit.lightCount));
         forEachBatch(view, [&](size_t range, size_t first, int lanes) {
             Batch& batch = batches_[first / kSssLanes];
@@ -206,10 +203,10 @@ public:
                     const int row = l * kSssLanes + lane;
                     const float* d =
                         dChannels + view.visibleFromSplat[splat] * stride + kSssSurfaceChannels + kSssLightChannels * l;
-                    if (weights_.share)
+                    if (state_.weights.share)
                         batch.network.dShare[row] = d[kSssIncident] * batch.network.light[row][kSssVisibilityInput] +
                                                     shareWeight * (batch.network.share[row] - 1);
-                    for (int c = 0; c < 3 && residualOn_; ++c) {
+                    for (int c = 0; c < 3 && state_.residualOn; ++c) {
                         const float perResidual = d[kSssScattered + c] * batch.falloff[row] * lit.lights[l].intensity[c];
                         batch.network.dResidual[row][c] = perResidual * scatter;
                         dScatter[lane] += perResidual * batch.network.residual[row][c];
@@ -217,7 +214,7 @@ public:
                 }
             }
             if (!any) return;
-            if (network) sssBatchBackward(weights_, lit.lightCount, batch.network, &dWeights_[range * kSssAllWeights]);
+            if (network) sssBatchBackward(state_.weights, lit.lightCount, batch.network, &dWeights_[range * kSssAllWeights]);
             for (int lane = 0; lane < lanes; ++lane) {
                 const size_t splat = first + size_t(lane);
                 if (isActive(view, active, splat))
@@ -230,9 +227,9 @@ public:
     std::vector<OptionalPart> optionalParts() const override
     {
         std::vector<OptionalPart> parts;
-        if (residualOn_) parts.push_back({"residual", kPartsJudgedAt, kResidualWorth});
-        if (weights_.share) parts.push_back({"share", kPartsJudgedAt, kShareWorth});
-        if (!visibility_.empty()) parts.push_back({"visibility", kPartsJudgedAt, kVisibilityWorth});
+        if (state_.residualOn) parts.push_back({"residual", kPartsJudgedAt, kResidualWorth});
+        if (state_.weights.share) parts.push_back({"share", kPartsJudgedAt, kShareWorth});
+        if (!state_.visibility.empty()) parts.push_back({"visibility", kPartsJudgedAt, kVisibilityWorth});
         if (roughnessMayRestart_) parts.push_back({kLearntRoughness, kPartsJudgedAt, kLearntRoughnessWorth, true});
         return parts;
     }
@@ -241,53 +238,53 @@ public:
     {
         if (part == kLearntRoughness) restartRoughness(kept);
         if (part == "roughness-restart") roughnessMayRestart_ = false;
-        if (part == "residual") residualOn_ = false;
-        if (part == "share") weights_.share = false;
-        if (part == "visibility") visibilityOn_ = false, visibility_.clear();
+        if (part == "residual") state_.residualOn = false;
+        if (part == "share") state_.weights.share = false;
+        if (part == "visibility") visibilityOn_ = false, state_.visibility.clear();
     }
 
     std::vector<Channel> exportChannels() const override
     {
         const size_t n = count();
         Channel base{"baseColor", 3, std::vector<float>(3 * n), {}}, normal{"normal", 3, std::vector<float>(3 * n), {}};
-        const size_t m = residualOn_ ? 3 : 2; // roughness, metalness, subsurfaceness
+        const size_t m = state_.residualOn ? 3 : 2; // roughness, metalness, subsurfaceness
         Channel material{"material", uint32_t(m), std::vector<float>(m * n), {}};
         for (size_t i = 0; i < n; ++i) {
-            for (size_t c = 0; c < 3; ++c) base.values[3 * i + c] = logistic(row_[i][kBase + c]);
-            for (size_t c = 0; c < m; ++c) material.values[m * i + c] = logistic(row_[i][kRough + c]);
+            for (size_t c = 0; c < 3; ++c) base.values[3 * i + c] = logistic(state_.row[i][kSssRowBase + c]);
+            for (size_t c = 0; c < m; ++c) material.values[m * i + c] = logistic(state_.row[i][kSssRowRough + c]);
             unitNormal(i, &normal.values[3 * i]);
         }
         std::vector<Channel> channels{std::move(base), std::move(material), std::move(normal)};
-        if (!visibility_.empty()) channels.push_back({"visibility", kVisibilityTexels, {}, visibility_});
-        if (residualOn_ || weights_.share) exportNetwork(channels);
+        if (!state_.visibility.empty()) channels.push_back({"visibility", kVisibilityTexels, {}, state_.visibility});
+        if (state_.residualOn || state_.weights.share) exportNetwork(channels);
         return channels;
     }
 
     void save(ByteWriter& out) const override
     {
-        out.array(row_), out.array(momentum_), out.array(second_), out.array(visibility_);
-        out.array(weights_.value), out.array(networkMomentum_), out.array(networkSecond_);
-        out.array(std::vector<float>(frame_, frame_ + 4));
-        out.value(int32_t(renewed_)), out.value(uint8_t(residualOn_ | weights_.share << 1 | visibilityOn_ << 2 | roughnessMayRestart_ << 3));
+        out.array(state_.row), out.array(state_.momentum), out.array(state_.second), out.array(state_.visibility);
+        out.array(state_.weights.value), out.array(state_.networkMomentum), out.array(state_.networkSecond);
+        out.array(std::vector<float>(state_.frame, state_.frame + 4));
+        out.value(int32_t(renewed_)), out.value(uint8_t(state_.residualOn | state_.weights.share << 1 | visibilityOn_ << 2 | roughnessMayRestart_ << 3));
     }
 
     bool load(ByteReader& in) override
     {
-        in.array(row_), in.array(momentum_), in.array(second_), in.array(visibility_);
-        in.array(weights_.value), in.array(networkMomentum_), in.array(networkSecond_);
+        in.array(state_.row), in.array(state_.momentum), in.array(state_.second), in.array(state_.visibility);
+        in.array(state_.weights.value), in.array(state_.networkMomentum), in.array(state_.networkSecond);
         std::vector<float> frame;
         in.array(frame);
         renewed_ = in.value<int32_t>();
         const uint8_t parts = in.value<uint8_t>();
-        residualOn_ = parts & 1, weights_.share = parts & 2, visibilityOn_ = parts & 4, roughnessMayRestart_ = parts & 8;
-        const size_t n = row_.size();
-        if (in.failed || momentum_.size() != n || second_.size() != n ||
-            (!visibility_.empty() && visibility_.size() != n * kVisibilityTexels) || weights_.value.size() != kSssAllWeights ||
-            networkMomentum_.size() != kSssAllWeights || networkSecond_.size() != kSssAllWeights)
+        state_.residualOn = parts & 1, state_.weights.share = parts & 2, visibilityOn_ = parts & 4, roughnessMayRestart_ = parts & 8;
+        const size_t n = state_.row.size();
+        if (in.failed || state_.momentum.size() != n || state_.second.size() != n ||
+            (!state_.visibility.empty() && state_.visibility.size() != n * kVisibilityTexels) || state_.weights.value.size() != kSssAllWeights ||
+            state_.networkMomentum.size() != kSssAllWeights || state_.networkSecond.size() != kSssAllWeights)
             return false;
         if (frame.size() != 4) return false;
-        std::copy_n(frame.begin(), 4, frame_);
-        weights_.transpose();
+        std::copy_n(frame.begin(), 4, state_.frame);
+        state_.weights.transpose();
         return true;
     }
 
@@ -300,9 +297,9 @@ private:
     // Of all splats, or of those not kept.
     void restartRoughness(std::span<const uint8_t> kept)
     {
-        for (size_t i = 0; i < row_.size(); ++i)
-            if (kept.empty() || !kept[i]) row_[i][kRough] = std::min(row_[i][kRough], kRestartRoughness), momentum_[i][kRough] = 0;
-        start_[kRough] = kRestartRoughness;
+        for (size_t i = 0; i < state_.row.size(); ++i)
+            if (kept.empty() || !kept[i]) state_.row[i][kSssRowRough] = std::min(state_.row[i][kSssRowRough], kRestartRoughness), state_.momentum[i][kSssRowRough] = 0;
+        start_[kSssRowRough] = kRestartRoughness;
         roughnessMayRestart_ = false;
     }
 
@@ -341,8 +338,8 @@ private:
             const GaussianGeometry<float>& g = view.geometry[splat];
             float normal[3];
             unitNormal(splat, normal);
-            sssFixedInputs(g.position, normal, frame_, batch.network.fixed[lane]);
-            std::copy_n(&row_[splat][kCode], kSssCodeInputs, batch.network.code[lane]);
+            sssFixedInputs(g.position, normal, state_.frame, batch.network.fixed[lane]);
+            std::copy_n(&state_.row[splat][kSssRowCode], kSssCodeInputs, batch.network.code[lane]);
             const LightSample<float> toEye = samplePointLight(lit.eye, 0.0f, g.position);
             for (int l = 0; l < lit.lightCount; ++l) {
                 const Light& light = lit.lights[l];
@@ -352,9 +349,9 @@ private:
                                            ? glm::distance(light.position, glm::vec3(g.position[0], g.position[1], g.position[2]))
                                            : -1.0f;
                 const float visibility =
-                    visibility_.empty() ? 1.0f : mapVisibility(VisibilityMap{&visibility_[splat * kVisibilityTexels]}, s.dir);
-                sssLightInputs(toEye.dir, s.dir, visibility, distance * frame_[3], batch.network.light[row]);
-                if (!nearness_) batch.network.light[row][kSssNearnessInput] = 0; // no gradient either: its weights stay 0
+                    state_.visibility.empty() ? 1.0f : mapVisibility(VisibilityMap{&state_.visibility[splat * kVisibilityTexels]}, s.dir);
+                sssLightInputs(toEye.dir, s.dir, visibility, distance * state_.frame[3], batch.network.light[row]);
+                if (!state_.nearness) batch.network.light[row][kSssNearnessInput] = 0; // no gradient either: its weights stay 0
                 batch.falloff[row] = s.falloff;
             }
         }
@@ -362,26 +359,26 @@ private:
 
     void unitNormal(size_t splat, float* n) const
     {
-        const float* raw = &row_[splat][kNormal];
+        const float* raw = &state_.row[splat][kSssRowNormal];
         const float length = std::sqrt(std::max(raw[0] * raw[0] + raw[1] * raw[1] + raw[2] * raw[2], 1e-20f));
         for (int k = 0; k < 3; ++k) n[k] = raw[k] / length;
     }
 
-    float regulariser(float weight) const { return residualOn_ ? weight : kBareWeight * weight; }
-    float subsurface(size_t splat) const { return residualOn_ ? logistic(row_[splat][kScatter]) : 0.0f; }
+    float regulariser(float weight) const { return state_.residualOn ? weight : kBareWeight * weight; }
+    float subsurface(size_t splat) const { return state_.residualOn ? logistic(state_.row[splat][kSssRowScatter]) : 0.0f; }
 
     // The network's logistic function of the share has a factor of its own: with the share off it is told to answer 1.
     void exportNetwork(std::vector<Channel>& channels) const
     {
-        std::vector<float> values(weights_.value.begin(), weights_.value.begin() + kSssWeights);
-        if (!weights_.share) std::fill_n(values.begin() + kSssShareOut, kSssHiddenShare + 1, 0.0f);
-        values.insert(values.end(), frame_, frame_ + 4);
+        std::vector<float> values(state_.weights.value.begin(), state_.weights.value.begin() + kSssWeights);
+        if (!state_.weights.share) std::fill_n(values.begin() + kSssShareOut, kSssHiddenShare + 1, 0.0f);
+        values.insert(values.end(), state_.frame, state_.frame + 4);
         channels.push_back({"network", uint32_t(kSssNetworkFloats), std::move(values), {}, true});
-        if (!codeOn_) return;
+        if (!state_.codeOn) return;
         Channel code{"code", kSssCodeInputs, {}, {}};
-        for (const Row& r : row_) code.values.insert(code.values.end(), r.begin() + kCode, r.end());
+        for (const SssRow& r : state_.row) code.values.insert(code.values.end(), r.begin() + kSssRowCode, r.end());
         channels.push_back(std::move(code));
-        channels.push_back({"codeWeights", kSssHidden1 * kSssCodeInputs, {weights_.value.begin() + kSssCode, weights_.value.end()}, {}, true});
+        channels.push_back({"codeWeights", kSssHidden1 * kSssCodeInputs, {state_.weights.value.begin() + kSssCode, state_.weights.value.end()}, {}, true});
     }
 
     // Position and size of the splats, so that the network sees the same numbers whatever the units.
@@ -393,17 +390,17 @@ private:
             lo = glm::min(lo, p), hi = glm::max(hi, p);
         }
         const glm::vec3 half = 0.5f * (hi - lo);
-        for (int k = 0; k < 3; ++k) frame_[k] = 0.5f * (lo[k] + hi[k]);
-        frame_[3] = 1.0f / std::max({half.x, half.y, half.z, 1e-6f});
+        for (int k = 0; k < 3; ++k) state_.frame[k] = 0.5f * (lo[k] + hi[k]);
+        state_.frame[3] = 1.0f / std::max({half.x, half.y, half.z, 1e-6f});
     }
 
     void surfaceChannels(const VisibleView& view, const LitView& lit, size_t splat, float* out) const
     {
-        const Row& r = row_[splat];
+        const SssRow& r = state_.row[splat];
         const float* p = view.geometry[splat].position;
         unitNormal(splat, out + kSssNormal);
-        for (int c = 0; c < 3; ++c) out[kSssBase + c] = logistic(r[size_t(kBase + c)]);
-        out[kSssRoughness] = logistic(r[kRough]), out[kSssMetalness] = logistic(r[kMetal]),
+        for (int c = 0; c < 3; ++c) out[kSssBase + c] = logistic(r[size_t(kSssRowBase + c)]);
+        out[kSssRoughness] = logistic(r[kSssRowRough]), out[kSssMetalness] = logistic(r[kSssRowMetal]),
         out[kSssSubsurface] = subsurface(splat);
         const float d[3] = {p[0] - lit.eye[0], p[1] - lit.eye[1], p[2] - lit.eye[2]};
         out[kSssDepth] = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
@@ -412,28 +409,28 @@ private:
     // d: gradient with respect to the channels of the surface
     void stepRow(size_t splat, const float* d, float dScatter, const float* dCode, const AdamRate& adam)
     {
-        Row& r = row_[splat];
-        float gradient[kRowFloats], normal[3], along = 0;
+        SssRow& r = state_.row[splat];
+        float gradient[kSssRowFloats], normal[3], along = 0;
         const auto through = [](float raw) {
             const float y = logistic(raw);
             return y * (1 - y);
         };
-        for (int c = 0; c < 3; ++c) gradient[kBase + c] = d[kSssBase + c] * through(r[size_t(kBase + c)]);
-        gradient[kRough] = d[kSssRoughness] * through(r[kRough]),
-        gradient[kMetal] = (d[kSssMetalness] + regulariser(kMetalWeight) / float(count())) * through(r[kMetal]);
-        gradient[kScatter] =
-            residualOn_ ? (d[kSssSubsurface] + dScatter + kScatterWeight / float(count())) * through(r[kScatter]) : 0.0f;
+        for (int c = 0; c < 3; ++c) gradient[kSssRowBase + c] = d[kSssBase + c] * through(r[size_t(kSssRowBase + c)]);
+        gradient[kSssRowRough] = d[kSssRoughness] * through(r[kSssRowRough]),
+        gradient[kSssRowMetal] = (d[kSssMetalness] + regulariser(kMetalWeight) / float(count())) * through(r[kSssRowMetal]);
+        gradient[kSssRowScatter] =
+            state_.residualOn ? (d[kSssSubsurface] + dScatter + kScatterWeight / float(count())) * through(r[kSssRowScatter]) : 0.0f;
         unitNormal(splat, normal);
         for (int k = 0; k < 3; ++k) along += d[kSssNormal + k] * normal[k];
-        for (int k = 0; k < 3; ++k) gradient[kNormal + k] = d[kSssNormal + k] - along * normal[k];
-        const bool coded = codeOn_ && (residualOn_ || weights_.share);
-        for (size_t k = 0; k < kSssCodeInputs; ++k) gradient[kCode + k] = coded ? dCode[k] : 0.0f;
-        for (size_t k = 0; k < kRowFloats; ++k) {
+        for (int k = 0; k < 3; ++k) gradient[kSssRowNormal + k] = d[kSssNormal + k] - along * normal[k];
+        const bool coded = state_.codeOn && (state_.residualOn || state_.weights.share);
+        for (size_t k = 0; k < kSssCodeInputs; ++k) gradient[kSssRowCode + k] = coded ? dCode[k] : 0.0f;
+        for (size_t k = 0; k < kSssRowFloats; ++k) {
             AdamRate own = adam;
-            own.rate *= k < kCode ? kRate[k] : kCodeRate;
-            r[k] -= own.step(gradient[k], momentum_[splat][k], second_[splat][k]);
+            own.rate *= k < kSssRowCode ? kRate[k] : kCodeRate;
+            r[k] -= own.step(gradient[k], state_.momentum[splat][k], state_.second[splat][k]);
         }
-        for (size_t k = 0; k < kNormal; ++k) r[k] = std::clamp(r[k], -7.0f, 7.0f); // a logistic beyond that has no slope left
+        for (size_t k = 0; k < kSssRowNormal; ++k) r[k] = std::clamp(r[k], -7.0f, 7.0f); // a logistic beyond that has no slope left
     }
 
     void stepNetwork(const AdamRate& adam)
@@ -443,9 +440,9 @@ private:
         for (size_t k = 0; k < kSssAllWeights; ++k) {
             float sum = 0;
             for (size_t range = 0; range < kRanges; ++range) sum += dWeights_[range * kSssAllWeights + k];
-            weights_.value[k] -= own.step(sum, networkMomentum_[k], networkSecond_[k]);
+            state_.weights.value[k] -= own.step(sum, state_.networkMomentum[k], state_.networkSecond[k]);
         }
-        weights_.transpose();
+        state_.weights.transpose();
     }
 
     // The short axis, on the side that more light reaches (after the first renewal), else on the side away from the middle of
@@ -457,11 +454,11 @@ private:
         std::vector<glm::vec3> outside(geometry.size());
         for (size_t i = 0; i < outside.size(); ++i) {
             const auto& g = geometry[i];
-            outside[i] = visibility_.empty() ? glm::vec3(g.position[0], g.position[1], g.position[2]) - center : openSide(i);
+            outside[i] = state_.visibility.empty() ? glm::vec3(g.position[0], g.position[1], g.position[2]) - center : openSide(i);
         }
         const std::vector<glm::vec3> normals = splatNormals(geometry, outside);
         for (size_t i = 0; i < normals.size(); ++i)
-            for (int k = 0; k < 3; ++k) row_[i][size_t(kNormal + k)] = normals[i][k];
+            for (int k = 0; k < 3; ++k) state_.row[i][size_t(kSssRowNormal + k)] = normals[i][k];
     }
 
     // Mean of all directions weighted by visibility.
@@ -473,28 +470,32 @@ private:
                 glm::vec3 w(tilt, tilt, tilt);
                 w[axis / 2] = axis % 2 ? 1.0f : -1.0f;
                 w = glm::normalize(w);
-                sum += mapVisibility(VisibilityMap{&visibility_[splat * kVisibilityTexels]}, &w.x) * w;
+                sum += mapVisibility(VisibilityMap{&state_.visibility[splat * kVisibilityTexels]}, &w.x) * w;
             }
         return sum;
     }
 
-    std::vector<Row> row_, momentum_, second_;
-    std::vector<uint8_t> visibility_, ahead_; // ahead_: by prepareStep
+    friend SssState* nacre::sssState(TrainableAppearance& model);
+
+    SssState state_;
+    std::vector<uint8_t> ahead_;        // visibility, by prepareStep
     AlignedVector<Batch> batches_;
-    float frame_[4] = {0, 0, 0, 0}; // centre and 1 / half-size of the object
-    Row start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
-    bool residualOn_ = true, visibilityOn_ = true, codeOn_ = true;
+    SssRow start_{0, 0, 0, 0, -2, -1, 0, 0, 1}; // of a new splat
+    bool visibilityOn_ = true;
     bool roughnessMayRestart_ = true;   // it has not yet
     std::vector<glm::vec3> nearLights_; // of training; those that matter are found among them
     glm::vec4 region_{0};               // as AppearanceOptions has it
-    bool nearness_;                     // the network is told how near a light is
-    SssWeights weights_;
-    std::vector<float> networkMomentum_, networkSecond_, dWeights_, image_, dPlanes_;
+    std::vector<float> dWeights_, image_, dPlanes_;
     int renewed_ = 0;
-    float rate_ = 1, correction1_ = 1, correction2_ = 1;
 };
 
 } // namespace
+
+SssState* sssState(TrainableAppearance& model)
+{
+    SssModel* sss = dynamic_cast<SssModel*>(&model);
+    return sss ? &sss->state_ : nullptr;
+}
 
 std::unique_ptr<TrainableAppearance> sss::makeTrainable(const AppearanceOptions& options)
 {
