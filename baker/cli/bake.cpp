@@ -4,6 +4,7 @@
 #include "appearance/model_table.h"
 #include "asset/asset_io.h"
 #include "base/file.h"
+#include "device/cuda_engine.h"
 #include "pack/neutral_look.h"
 #include "pack/pack.h"
 #include "peak_memory.h"
@@ -52,7 +53,8 @@ static bool exists(const std::string& path)
 /// What a user can still do when the bake was stopped or the disk failed. After other errors the same command would fail again.
 static Error withResumeHint(Error error, const BakeArguments& args)
 {
-    const bool canGoOn = error.code == ErrorCode::kCancelled || error.code == ErrorCode::kIo;
+    const bool canGoOn = error.code == ErrorCode::kCancelled || error.code == ErrorCode::kIo || error.code == ErrorCode::kGpu;
+    if (error.code == ErrorCode::kGpu) error.message += "; --device cpu does without the card";
     for (const std::string& left : {args.options.checkpointPath, args.trialsPath()}) {
         if (!canGoOn || !exists(left)) continue;
         error.message += "; the checkpoint is '" + left + "': give the same command with --resume to go on";
@@ -289,10 +291,25 @@ static Result<glm::dvec4> parseBounds(const std::string& text)
     return b;
 }
 
+struct ChosenDevice {
+    MakeStepEngine make;
+    std::string name, text; // of the figures: cpu or cuda; for people
+};
+
+static Result<ChosenDevice> chooseDevice(const std::string& device)
+{
+    if (device == "cpu") return ChosenDevice{makeCpuEngine, "cpu", "the cpu"};
+    auto cuda = cudaEngine();
+    if (cuda) return ChosenDevice{std::move(cuda->make), "cuda", cuda->card + (device == "auto" ? " (auto; --device cpu trains on the cpu)" : "")};
+    if (device == "cuda") return Error{cuda.error().code, "--device cuda: " + cuda.error().message + "; --device cpu needs none"};
+    return ChosenDevice{makeCpuEngine, "cpu", "the cpu (auto: " + cuda.error().message + ")"};
+}
+
 static Status runBake(BakeArguments args)
 {
-    if (args.device == "cuda")
-        return Error{ErrorCode::kUnsupported, "--device cuda: this nacre was built without a CUDA baker; use --device cpu"};
+    auto device = chooseDevice(args.device);
+    if (!device) return device.error();
+    args.options.makeEngine = device->make;
     if (Status s = checkWritable(args.output); !s) return s;
     if (Status s = checkWritable(args.json); !s) return s;
     BakeOptions& options = args.options;
@@ -383,9 +400,8 @@ static Status runBake(BakeArguments args)
                 splats, bytes, double(bytes) / double(splats));
     if (!result->cut.empty()) std::printf("%s (--bounds places them, --keep-background keeps all)\n", result->cut.c_str());
     if (!stored->note.empty()) std::printf("%s\n", stored->note.c_str());
-    std::printf("%d iterations in %.1f s on the cpu%s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations,
-                result->seconds, args.device == "auto" ? " (auto: no CUDA baker in this build)" : "", result->psnrTrain,
-                double(peak) / 1048576.0);
+    std::printf("%d iterations in %.1f s on %s, train PSNR %.2f dB, peak memory %.0f MiB\n", result->iterations, result->seconds,
+                device->text.c_str(), result->psnrTrain, double(peak) / 1048576.0);
     const double saturated = saturation(result->iterations, options, *dataset);
     if (options.iterations <= 0 && options.minutes > 0 && result->iterations >= bakeIterations(options, *dataset))
         std::printf("all %d steps that --quality %s makes of these images are made%s (--iterations insists)\n", result->iterations,
@@ -400,7 +416,7 @@ static Status runBake(BakeArguments args)
                     {"splats", splats},
                     {"iterations", result->iterations},
                     {"seconds", result->seconds},
-                    {"device", "cpu"},
+                    {"device", device->name},
                     {"seed", options.seed},
                     {"psnr_train", result->psnrTrain},
                     {"peak_rss_bytes", peak},
@@ -438,7 +454,7 @@ Action addBake(CLI::App& app)
     sub->add_option("--iterations", o.iterations, "Training steps, instead of --minutes; same seed, same bytes")
         ->check(wholeNumber(1, 100000000))
         ->excludes(minutes);
-    sub->add_option("--device", args->device, "Where to train")
+    sub->add_option("--device", args->device, "Where to train; auto: on a CUDA card if there is one")
         ->check(CLI::IsMember({"cpu", "cuda", "auto"}))
         ->capture_default_str();
     sub->add_option("--threads", o.threads, "0: all cores; the result does not depend on it")

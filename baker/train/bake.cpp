@@ -6,6 +6,7 @@
 #include "appearance/model_table.h"
 #include "base/file.h"
 #include "dataset/normalise.h"
+#include "device/device_error.h"
 #include "pack/leading_rows.h"
 #include "train/checkpoint.h"
 #include "train/held_out.h"
@@ -125,7 +126,7 @@ Status Bake::setUp()
     Preparation& p = preparation_;
     result_.warnings = std::move(p.warnings);
 
-    trainer_ = std::make_unique<Trainer>(p.trainer, makeTrainableAppearance(options_.model, p.appearance));
+    trainer_ = std::make_unique<Trainer>(p.trainer, makeTrainableAppearance(options_.model, p.appearance), options_.makeEngine);
     if (p.init.cloud.count > 0) trainer_->initialize(p.init.cloud, p.init.colors);
     else trainer_->initialize(p.points, p.spacing, p.flat);
     if (options_.refineLights) refinement_ = std::make_unique<LightRefinement>(*p.split, p.center);
@@ -327,10 +328,13 @@ Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,
         const Result<double> gain = learningGain(*inFrame, options.model);
         if (!gain) return gain.error();
         const OlatDataset lit = underGain(*inFrame, *gain);
-        Result<BakeResult> result = Bake(lit, options, progress, cancel).run();
-        if (!result) return result;
-        absorbGain(result->asset, *gain, inFrame->frame);
-        return result;
+        try {
+            Result<BakeResult> result = Bake(lit, options, progress, cancel).run();
+            if (result) absorbGain(result->asset, *gain, inFrame->frame);
+            return result;
+        } catch (const DeviceError& e) {
+            return Error{ErrorCode::kGpu, e.what()};
+        }
     });
 }
 

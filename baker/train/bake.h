@@ -7,6 +7,7 @@
 #include "train/image_screen.h"
 #include "train/initial_splats.h"
 #include "train/light_refinement.h"
+#include "train/step_engine.h"
 
 #include <atomic>
 #include <cstdint>
@@ -23,6 +24,7 @@ struct BakeOptions {
     std::string quality = "standard";  // draft | standard | high: default iterations, splats and channel sizes
     double minutes = 0;                // > 0: at most so much wall time for the whole bake; learning rates anneal over it
     int iterations = 0;                // > 0: instead of minutes; exactly reproducible
+    MakeStepEngine makeEngine = makeCpuEngine; // what makes the steps
     int threads = 0;                   // 0: all cores
     uint64_t seed = 1;
     int maxSplats = 0;                 // hard cap; 0: from quality, and no more than the images can resolve
