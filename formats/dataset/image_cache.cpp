@@ -126,6 +126,12 @@ Image shrunk(const Image& image, int by)
     return out;
 }
 
+template <class... T>
+void appendBytes(std::string& key, const T&... values)
+{
+    (key.append(reinterpret_cast<const char*>(&values), sizeof values), ...);
+}
+
 /// `camera` of images that are `by` times as large.
 Camera enlarged(Camera camera, int by)
 {
@@ -149,7 +155,7 @@ OlatDataset halved(OlatDataset dataset)
 
 struct ImageCache::State {
     struct Entry {
-        std::string path;
+        std::string key; // of all that its pixels depend on
         std::shared_ptr<const Image> image;
     };
     ColorSpace colorSpace;
@@ -161,7 +167,7 @@ struct ImageCache::State {
 
     mutable std::mutex mutex; // guards everything below
     std::list<Entry> recent;  // most recently used first
-    std::unordered_map<std::string, std::list<Entry>::iterator> entryOfPath;
+    std::unordered_map<std::string, std::list<Entry>::iterator> entryOfKey;
     size_t residentBytes = 0;
     std::list<Entry> extras;  // masks and images without light, which many images share: the last few
     std::map<std::string, std::set<std::string>> noted; // the files of each kind of note; a file may be decoded more than once
@@ -190,18 +196,21 @@ struct ImageCache::State {
     Result<std::shared_ptr<const Image>> readExtra(const std::string& path, const glm::vec3& gain, bool isMask, const Image& image)
     {
         constexpr size_t kKept = 4;
+        std::string key = path;
+        if (isMask) key += " as mask";
+        else appendBytes(key, gain); // frames of several exposures may share an image without light
         std::shared_ptr<const Image> extra;
         {
             const std::lock_guard lock(mutex);
             for (const Entry& e : extras)
-                if (e.path == path) extra = e.image;
+                if (e.key == key) extra = e.image;
         }
         if (!extra) {
             Result<Image> read = readFile(path, gain, isMask);
             if (!read) return read.error();
             extra = std::make_shared<const Image>(std::move(*read));
             const std::lock_guard lock(mutex);
-            extras.push_front({path, extra});
+            extras.push_front({std::move(key), extra});
             if (extras.size() > kKept) extras.pop_back();
         }
         if (extra->width != image.width || extra->height != image.height)
@@ -241,27 +250,37 @@ struct ImageCache::State {
         return image;
     }
 
-    std::string keyOf(const OlatImage& entry) const { return packed ? std::to_string(entry.packedBlock) : entry.path; }
-
-    std::shared_ptr<const Image> find(const std::string& path)
+    std::string keyOf(const OlatImage& entry, const Camera& camera, const FileCamera* file) const
     {
-        const auto it = entryOfPath.find(path);
-        if (it == entryOfPath.end()) return nullptr;
+        if (packed) return std::to_string(entry.packedBlock);
+        std::string key = entry.path;
+        key.append(1, '\0').append(entry.maskPath).append(1, '\0').append(entry.ambientPath).append(1, '\0');
+        appendBytes(key, entry.gain);
+        if (!file) return key;
+        appendBytes(key, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy);
+        appendBytes(key, file->width, file->height, file->fx, file->fy, file->cx, file->cy, file->k, file->p);
+        return key;
+    }
+
+    std::shared_ptr<const Image> find(const std::string& key)
+    {
+        const auto it = entryOfKey.find(key);
+        if (it == entryOfKey.end()) return nullptr;
         recent.splice(recent.begin(), recent, it->second);
         return it->second->image;
     }
 
-    void keep(const std::string& path, std::shared_ptr<const Image> image)
+    void keep(const std::string& key, std::shared_ptr<const Image> image)
     {
         const size_t bytes = bytesOf(*image);
         if (bytes > budgetBytes) return;
         while (residentBytes + bytes > budgetBytes) {
             residentBytes -= bytesOf(*recent.back().image);
-            entryOfPath.erase(recent.back().path);
+            entryOfKey.erase(recent.back().key);
             recent.pop_back();
         }
-        recent.push_front({path, std::move(image)});
-        entryOfPath[path] = recent.begin();
+        recent.push_front({key, std::move(image)});
+        entryOfKey[key] = recent.begin();
         residentBytes += bytes;
     }
 
@@ -303,14 +322,15 @@ Result<std::shared_ptr<const Image>> ImageCache::load(const OlatSplit& split, si
     assert(imageIndex < split.images.size());
     const OlatImage& entry = split.images[imageIndex];
     const Camera& camera = split.cameras[entry.camera];
-    const std::string key = state_->keyOf(entry);
+    const FileCamera* file = split.files.empty() ? nullptr : &split.files[entry.camera];
+    const std::string key = state_->keyOf(entry, camera, file);
     std::shared_ptr<const Image> image;
     {
         const std::lock_guard lock(state_->mutex);
         image = state_->find(key);
     }
     if (!image) {
-        Result<Image> decoded = state_->decode(entry, camera, split.files.empty() ? nullptr : &split.files[entry.camera]);
+        Result<Image> decoded = state_->decode(entry, camera, file);
         if (!decoded) return decoded.error();
         image = std::make_shared<const Image>(std::move(*decoded));
         const std::lock_guard lock(state_->mutex);

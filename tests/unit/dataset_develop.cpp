@@ -149,6 +149,48 @@ TEST_CASE("exposure, black level, ambient light and masks are undone while loadi
     CHECK(wrong.error().message.find("mask.png") != std::string::npos);
 }
 
+TEST_CASE("frames that share files and are developed differently each get their own: exposure of shared ambient light, mask, part of the file")
+{
+    TempFolder folder;
+    OlatDataset dataset = oneImage(folder, flat(0.5f));
+    REQUIRE(writeExr(flat(0.25f), folder.file("off.exr")));
+    REQUIRE(writeExr(flat(0.75f), folder.file("lit.exr")));
+    std::vector<uint8_t> mask(16 * 3, 255);
+    mask[0] = mask[1] = mask[2] = 0;
+    REQUIRE(writePng(folder.file("mask.png"), 4, 4, 3, mask));
+    OlatSplit& split = dataset.splits[0];
+    split.images[0].ambientPath = folder.file("off.exr");
+    OlatImage brighter = split.images[0], other = split.images[0], masked = split.images[0];
+    brighter.path = folder.file("lit.exr"), brighter.gain = glm::vec3(0.5f); // the ambient light of both is the same file,
+    other.gain = glm::vec3(4.0f), masked.maskPath = folder.file("mask.png");  // and of these the image, too
+    split.images = {split.images[0], brighter, other, masked};
+    for (const size_t budget : {size_t(0), size_t(1) << 20}) {
+        ImageCache cache(dataset, budget);
+        for (int pass = 0; pass < 2; ++pass) {
+            const float expected[] = {0.25f, 0.25f, 1.0f, 0.0f};
+            for (size_t i = 0; i < 4; ++i) {
+                CAPTURE(i);
+                const auto image = cache.load(split, i);
+                REQUIRE(image);
+                CHECK((*image)->rgba[0] == doctest::Approx(expected[i]).epsilon(2e-3));
+                CHECK((*image)->rgba[3] == (i == 3 ? 0.0f : 1.0f));
+            }
+        }
+    }
+    FileCamera whole{4, 4, split.cameras[0].fx, split.cameras[0].fy, split.cameras[0].cx, split.cameras[0].cy};
+    split.images = {split.images[0], split.images[0]};
+    split.images[1].camera = 1;
+    split.cameras.push_back(split.cameras[0]);
+    split.cameras[1].width = 2;
+    split.files = {whole, whole};
+    ImageCache cache(dataset, size_t(1) << 20);
+    for (size_t i = 0; i < 2; ++i) {
+        const auto image = cache.load(split, i);
+        REQUIRE_MESSAGE(image, image.error().message);
+        CHECK((*image)->width == (i ? 2 : 4));
+    }
+}
+
 TEST_CASE("a saturated pixel is white at least, or unknown where the gain makes less of it")
 {
     TempFolder folder;
