@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <set>
 
 namespace nacre::cli {
 namespace {
@@ -55,14 +56,18 @@ std::string keysOf(CaptureKind kind)
     return names + (kind == CaptureKind::kPhone ? ", lights-off" : "");
 }
 
-Status setOne(CaptureOptions& o, const std::string& text, const std::string& part)
+Status setOne(CaptureOptions& o, const std::string& text, const std::string& part, std::set<std::string>& given)
 {
-    if (part == "clean") return o.clean = true, ok();
-    if (part == "lights-off" && o.kind == CaptureKind::kPhone) return o.lightsOff = true, ok();
-    if (part == "jpeg") return o.jpeg = 92, ok();
-    if (part == "png") return o.jpeg = 0, ok();
     const size_t equals = part.find('=');
     const std::string name = part.substr(0, equals);
+    if (part.empty()) return bad(text, "a key is missing beside ':' or ','; there are: " + keysOf(o.kind));
+    if (!given.insert(name == "png" ? "jpeg" : name).second) return bad(text, inQuotes(name) + " says again, or otherwise, what was said before; say it once");
+    const bool isFlag = name == "clean" || name == "png" || (name == "lights-off" && o.kind == CaptureKind::kPhone);
+    if (isFlag && equals != std::string::npos) return bad(text, inQuotes(name) + " takes no value, found " + inQuotes(part) + "; leave it out for the opposite");
+    if (name == "clean") return o.clean = true, ok();
+    if (name == "lights-off" && isFlag) return o.lightsOff = true, ok();
+    if (part == "jpeg") return o.jpeg = 92, ok();
+    if (name == "png") return o.jpeg = 0, ok();
     const auto key = std::find_if(std::begin(kKeys), std::end(kKeys), [&](const Key& k) { return name == k.name && (k.kinds & bitOf(o.kind)); });
     if (key == std::end(kKeys)) return bad(text, "a " + std::string(nameOf(o.kind)) + " has no " + inQuotes(name) + "; it has: " + keysOf(o.kind));
     const std::string value = equals == std::string::npos ? "" : part.substr(equals + 1);
@@ -84,11 +89,13 @@ Result<CaptureOptions> parseCapture(const std::string& text)
     const std::string kind = text.substr(0, colon);
     if (kind != "stage" && kind != "phone") return bad(text, "expected stage or phone, then :KEY=VALUE,...");
     CaptureOptions o = usualCapture(kind == "stage" ? CaptureKind::kStage : CaptureKind::kPhone);
+    std::set<std::string> given;
     for (size_t at = colon; at != std::string::npos;) {
         const size_t next = text.find(',', at + 1);
-        if (Status s = setOne(o, text, text.substr(at + 1, next == std::string::npos ? next : next - at - 1)); !s) return s.error();
+        if (Status s = setOne(o, text, text.substr(at + 1, next == std::string::npos ? next : next - at - 1), given); !s) return s.error();
         at = next;
     }
+    if (o.clean && given.size() > 1) return bad(text, "clean leaves every error out, beside it nothing else counts; say clean alone or not at all");
     return o;
 }
 

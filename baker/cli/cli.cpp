@@ -97,7 +97,7 @@ Status checkWritable(const std::string& path)
     if (!std::filesystem::is_directory(folder, ignored))
         return Error{ErrorCode::kBadInput, "cannot write '" + path + "': there is no folder '" + folder + "'; create it first"};
     if (access(folder.c_str(), W_OK | X_OK) != 0)
-        return Error{ErrorCode::kIo, "cannot write into folder '" + folder + "': " + std::strerror(errno)};
+        return Error{ErrorCode::kBadInput, "cannot write into folder '" + folder + "': " + std::strerror(errno) + "; give a name elsewhere"};
     return ok();
 }
 
@@ -105,7 +105,7 @@ Status makeFolder(const std::string& folder)
 {
     std::error_code error;
     std::filesystem::create_directories(folder, error);
-    if (error) return Error{ErrorCode::kIo, "cannot create folder '" + folder + "': " + error.message()};
+    if (error) return Error{ErrorCode::kBadInput, "cannot create folder '" + folder + "': " + error.message() + "; give a name elsewhere"};
     return checkWritable((std::filesystem::path(folder) / "x").string());
 }
 

@@ -71,7 +71,7 @@ static void printFigures(const DatasetExamination& found)
     if (found.reflectance) std::printf("apparent reflectance %.2g (%g to %g is plausible)\n", *found.reflectance, kLeastReflectance, kMostReflectance);
     for (const SplitFigures& f : found.splits) {
         std::string text;
-        if (f.agreement) text += format("shading agrees with the lights: %.2f (above 0.7 is right)", *f.agreement);
+        if (f.agreement) text += format("shading agrees with the lights: %.2f (above %g is right)", *f.agreement, kLeastAgreement);
         if (f.uncovered) text += format("%ssilhouettes excluded by other cameras: %.2f (0 is right)", text.empty() ? "" : "; ", *f.uncovered);
         if (!text.empty()) std::printf("%-12s %s\n", oneLine(f.split).c_str(), text.c_str());
     }

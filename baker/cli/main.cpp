@@ -28,6 +28,9 @@ static int run(int argc, char** argv)
     std::vector<Action> actions;
     for (auto add : kSubcommands) actions.push_back(add(app));
     const std::vector<CLI::App*> subcommands = app.get_subcommands([](CLI::App*) { return true; });
+    const CLI::Validator hasText([](std::string& text) { return std::string(text.empty() ? "a value is missing, found ''" : ""); }, ""); // $NAME that is not set
+    for (CLI::App* sub : subcommands)
+        for (CLI::Option* option : sub->get_options([](const CLI::Option* o) { return o->get_items_expected_max() > 0; })) option->check(hasText);
 
     std::string names;
     bool known = false;

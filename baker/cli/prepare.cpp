@@ -24,6 +24,7 @@ static Status runPrepare(PrepareArguments args)
     if (output.filename().empty()) output = output.parent_path(); // "folder/"
     args.options.output = output.string();
     if (std::filesystem::path(args.dataset).lexically_normal() == output) return Error{ErrorCode::kBadInput, "'" + args.options.output + "' is the dataset; give the packed one another name"};
+    if (Status s = checkPackedOutput(args.options.output); !s) return s;
     args.options.pixels = args.format == "bytes" ? PackerOptions::Pixels::kBytes : args.format == "halves" ? PackerOptions::Pixels::kHalves : PackerOptions::Pixels::kAuto;
     args.options.diskBytes = uint64_t(args.disk * 1e9);
 
@@ -31,7 +32,7 @@ static Status runPrepare(PrepareArguments args)
     Progress progress;
     const auto dataset = openDataset(args.dataset);
     if (!dataset) return dataset.error();
-    if (dataset->packed) return Error{ErrorCode::kBadInput, "'" + args.dataset + "' is prepared already"};
+    if (dataset->packed) return Error{ErrorCode::kBadInput, "'" + args.dataset + "' is prepared already; use it as it is, or prepare the dataset that it was made of"};
     const auto show = [&](size_t done, size_t all, double left) {
         progress.show(format("preparing %zu/%zu images", done, all) + (left >= 0 ? ", " + clockText(left) + " left" : std::string()));
     };

@@ -1,5 +1,7 @@
 #include "scene_spec.h"
 
+#include "number_list.h"
+
 #include <glm/gtc/matrix_transform.hpp>
 
 #include <algorithm>
@@ -9,19 +11,11 @@
 
 namespace nacre::cli {
 
-/// "1,2,3" -> numbers; false for anything that is not finite numbers between commas.
 static bool parseNumbers(const std::string& text, std::vector<double>& out)
 {
-    out.clear();
-    const char* at = text.c_str();
-    for (;;) {
-        char* end = nullptr;
-        out.push_back(std::strtod(at, &end));
-        if (end == at || !std::isfinite(float(out.back()))) return false;
-        if (*end == '\0') return true;
-        if (*end != ',') return false;
-        at = end + 1;
-    }
+    std::optional<std::vector<double>> read = numbersIn(text);
+    if (read) out = std::move(*read);
+    return read.has_value();
 }
 
 static Error badSpec(const std::string& option, const std::string& text, const std::string& expected)

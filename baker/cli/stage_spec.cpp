@@ -1,5 +1,7 @@
 #include "stage_spec.h"
 
+#include "number_list.h"
+
 #include "base/file.h"
 #include "base/text.h"
 #include "interchange/json.h"
@@ -15,20 +17,6 @@ namespace nacre::cli {
 
 static constexpr const char* kBoundaries[] = {"diffuse", "none", "dielectric"}; // in the order of SubsurfaceBoundary
 static constexpr size_t kMaxFileBytes = size_t(1) << 20;
-
-static std::optional<std::vector<double>> numbersIn(const std::string& text)
-{
-    std::vector<double> out;
-    const char* at = text.c_str();
-    for (;;) {
-        char* end = nullptr;
-        out.push_back(std::strtod(at, &end));
-        if (end == at || !std::isfinite(float(out.back()))) return std::nullopt;
-        if (*end == '\0') return out;
-        if (*end != ',') return std::nullopt;
-        at = end + 1;
-    }
-}
 
 static Error badSpec(const std::string& option, const std::string& text, const std::string& expected)
 {

@@ -327,8 +327,8 @@ Action addSynth(CLI::App& app)
     ofStage(sub->add_option("--environment", s.environments, "Equirectangular EXR for the split environment; repeat for more\n"
                                                              "(default: two built-in maps, a sunset and a studio)")->allow_extra_args(false));
     sub->add_option("--size", args->size, "Pixels of a square or WxH (default: 256, with --like as there)");
-    sub->add_option("--splits", args->splits, "Only these of train,test,near,directional,environment,all_on (with --like: of its own);\n"
-                                              "others can be added to the folder by a later run")->delimiter(',')->allow_extra_args(false);
+    sub->add_option("--splits", args->splits, "Only these, with commas between: train,test,near,directional,environment,all_on (default: all; with --like: those of OTHER);\n"
+                                              "a later run with the same options adds others to the folder")->delimiter(',')->allow_extra_args(false);
     sub->add_option("--spp", args->samples, "Samples per pixel of train and all_on, rounded up to a multiple of 16")
         ->check(wholeNumber(1, 1 << 20))->capture_default_str();
     sub->add_option("--test-spp", args->testSamples, "Samples of the other splits: a number or a multiple of --spp")->capture_default_str();

@@ -2,6 +2,7 @@
 #include "train/checkpoint.h"
 
 #include "base/hash.h"
+#include "dataset/packed_images.h"
 
 #include <algorithm>
 #include <sstream>
@@ -22,12 +23,9 @@ uint64_t hashOf(const OlatDataset& dataset, const OlatSplit& split)
     for (const OlatImage& image : split.images) {
         const Light& l = image.light;
         add(image.camera, l.type, l.position, l.directionToLight, l.intensity, l.radius);
-        if (image.gain != glm::vec3(1.0f) || !image.maskPath.empty() || !image.ambientPath.empty())
-            add(image.gain, uint8_t(!image.maskPath.empty() + 2 * !image.ambientPath.empty()));
     }
-    for (const FileCamera& f : split.files) add(f);
-    if (dataset.blackLevel != 0 || dataset.whiteLevel != 0 || dataset.backgroundInView || dataset.rig != LightRig::kFixed)
-        add(dataset.blackLevel, dataset.whiteLevel, dataset.backgroundInView, dataset.rig);
+    if (const uint64_t development = developmentOf(dataset, split)) add(development);
+    if (dataset.backgroundInView || dataset.rig != LightRig::kFixed) add(dataset.backgroundInView, dataset.rig);
     return hash;
 }
 

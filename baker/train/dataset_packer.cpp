@@ -42,10 +42,12 @@ Error ioError(const std::string& path, const std::string& what)
                                 (error == ENOSPC || error == EDQUOT || error == EFBIG ? "; free some space and give the same command again" : "")};
 }
 
-std::string gigabytes(double bytes)
+/// Two digits or more, whatever the size.
+std::string sizeText(double bytes)
 {
     char text[32];
-    std::snprintf(text, sizeof text, bytes < 1e8 ? "%.3f GB" : "%.1f GB", bytes / 1e9);
+    const double unit = bytes < 1e5 ? 1e3 : bytes < 1e8 ? 1e6 : 1e9;
+    std::snprintf(text, sizeof text, bytes < 10 * unit ? "%.2g %s" : "%.0f %s", bytes / unit, unit == 1e3 ? "kB" : unit == 1e6 ? "MB" : "GB");
     return text;
 }
 
@@ -241,11 +243,11 @@ Status Packer::takeOver(std::span<const std::byte> journal)
 
 Status Packer::openFiles()
 {
+    if (Status s = checkPackedOutput(options_.output); !s) return s;
     std::error_code error;
-    if (fs::exists(options_.output, error))
-        return Error{ErrorCode::kBadInput, "'" + options_.output + "' is there already; remove it or give another name"};
     fs::create_directories(folder_, error);
-    if (error) return Error{ErrorCode::kIo, "cannot create folder '" + folder_ + "': " + error.message()};
+    if (error)
+        return Error{error == std::errc::no_space_on_device ? ErrorCode::kIo : ErrorCode::kBadInput, "cannot create folder '" + folder_ + "': " + error.message() + "; give a name elsewhere"};
     const auto inFolder = [&](const char* name) { return (fs::path(folder_) / name).string(); };
     if (Status s = pixels_.open(inFolder(kPackedPixels)); !s) return s;
     if (::flock(pixels_.fd, LOCK_EX | LOCK_NB) != 0) return Error{ErrorCode::kIo, "another process is writing '" + folder_ + "'"};
@@ -306,13 +308,13 @@ Status Packer::measure()
     if (needed <= double(available_)) return ok();
     const auto tooLarge = [&](double need) {
         return Error{options_.diskBytes > 0 && available_ == options_.diskBytes ? ErrorCode::kBadInput : ErrorCode::kIo,
-                     "'" + options_.output + "' needs about " + gigabytes(need) + " of disk" + (least < need ? " (" + gigabytes(least) + " with --format bytes)" : "") + ", there are " +
-                         gigabytes(double(available_)) + (options_.diskBytes > 0 ? " (--disk)" : " free")};
+                     "'" + options_.output + "' needs about " + sizeText(need) + " of disk" + (least < need ? " (" + sizeText(least) + " with --format bytes)" : "") + ", there are " +
+                         sizeText(double(available_)) + (options_.diskBytes > 0 ? " (--disk)" : " free")};
     };
     if (options_.pixels != PackerOptions::Pixels::kAuto) return tooLarge(needed);
     if (least > double(available_)) return tooLarge(least);
     bytesOnly_ = true;
-    notes_.push_back("there is no disk for halves (" + gigabytes(needed) + "): all images are stored as bytes, values above 1 are cut off");
+    notes_.push_back("there is no disk for halves (" + sizeText(needed) + "): all images are stored as bytes, values above 1 are cut off");
     return ok();
 }
 
@@ -329,7 +331,7 @@ Status Packer::packChunk(const std::vector<size_t>& chunk)
         r.block.offset = end_, end_ += r.block.bytes();
     }
     if (end_ > available_)
-        return Error{ErrorCode::kIo, "'" + options_.output + "' needs more than the " + gigabytes(double(available_)) + " of disk that there are; '" + folder_ + "' keeps what is done"};
+        return Error{ErrorCode::kIo, "'" + options_.output + "' needs more than the " + sizeText(double(available_)) + " of disk that there are; '" + folder_ + "' keeps what is done"};
     std::atomic<int> failed{0};
     tbb::parallel_for(size_t(0), chunk.size(), [&](size_t k) {
         if (!pixels_.write(bytes[k], records_[chunk[k]].block.offset)) failed = errno;
@@ -452,6 +454,19 @@ Result<PackerReport> Packer::run()
 }
 
 } // namespace
+
+Status checkPackedOutput(const std::string& output)
+{
+    std::error_code error;
+    if (output.empty()) return Error{ErrorCode::kBadInput, "the prepared dataset has no name; name a folder to make"};
+    if (fs::exists(fs::symlink_status(output, error))) return Error{ErrorCode::kBadInput, "'" + output + "' is there already; remove it or give another name"};
+    fs::path folder = fs::exists(output + ".part", error) ? fs::path(output + ".part") : fs::absolute(output, error).parent_path();
+    while (folder.has_relative_path() && !fs::exists(folder, error)) folder = folder.parent_path(); // the rest is made
+    const bool isFolder = fs::is_directory(folder, error);
+    if (isFolder && ::access(folder.c_str(), W_OK | X_OK) == 0) return ok();
+    return Error{ErrorCode::kBadInput, "cannot make '" + output + "': " + (isFolder ? "nothing can be written into '" + folder.string() + "' (" + std::generic_category().message(errno) + ")"
+                                                                                    : "'" + folder.string() + "' is no folder") + "; give a name elsewhere"};
+}
 
 uint64_t sourceState(const OlatDataset& dataset)
 {

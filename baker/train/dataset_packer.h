@@ -23,6 +23,9 @@ struct PackerReport {
     std::vector<std::string> notes; // one line each: what was found in the files and may not be meant
 };
 
+/// kBadInput, and what to do, if a packed dataset cannot be made at `output`: it is there already, or nothing can be written beside it.
+Status checkPackedOutput(const std::string& output);
+
 /// `progress(done, all, seconds left or -1)` is called at least every few seconds from the calling thread. An interrupted run leaves output.part;
 /// the same call goes on with it: what it wrote is kept if it is undamaged and its files are as they were. Errors: kBadInput if the output is there
 /// already, if more than a third of a split cannot be used, if diskBytes do not suffice; kIo if the disk does not; kCancelled.

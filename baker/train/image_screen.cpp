@@ -60,14 +60,14 @@ BlackFrames::BlackFrames(const OlatSplit& split) : split_(split)
 std::string BlackFrames::fault(const OlatImage& entry, const Image& image) const
 {
     if (isUnknown(image)) return entry.path + ": no pixel can be used, all are saturated or outside of what the lens saw";
+    if (!isBlack(image)) return {};
+    if (isEmpty(image)) return entry.path + ": nothing of the object is in the image; its " + (entry.maskPath.empty() ? "alpha" : "mask " + entry.maskPath) + " is 0 everywhere";
     const Light& light = entry.light;
     if (light.isPunctual()) {
         const glm::dvec3 toEye = split_.cameras[entry.camera].position() - centre_;
         const glm::dvec3 toLight = light.type == LightType::kPoint ? glm::dvec3(light.position) - centre_ : glm::dvec3(light.directionToLight);
         if (light.intensity == glm::vec3(0.0f) || !(glm::dot(toEye, toLight) > kLitSide * glm::length(toEye) * glm::length(toLight))) return {};
     }
-    if (!isBlack(image)) return {};
-    if (isEmpty(image)) return entry.path + ": nothing of the object is in the image; its " + (entry.maskPath.empty() ? "alpha" : "mask " + entry.maskPath) + " is 0 everywhere";
     return entry.path + ": the image is black, although its light is on the camera's side of the object";
 }
 

@@ -86,6 +86,7 @@ void checkHull(const std::vector<CheckedView>& views, const Framing& framing, Da
     std::vector<Silhouette> carvers;
     for (const CheckedView& view : views)
         if (!hasTrain || view.split->name == "train") carvers.push_back(silhouetteOf(view));
+    std::erase_if(carvers, [](const Silhouette& s) { return std::find(s.inside.begin(), s.inside.end(), 1) == s.inside.end(); }); // a blank mask excludes all: checkAlpha says so
     if (carvers.size() < 3) return; // two silhouettes hardly contradict each other
 
     std::map<std::string, Tally> tallies;

@@ -27,6 +27,7 @@ Result<std::optional<double>> apparentReflectance(const OlatDataset& dataset, co
 /// Beyond these no material explains it, but a wrong unit of light does. (Mean radiance: black velvet 0.005, a black car 0.02; a white wall
 /// beside a flash 0.9.)
 constexpr double kLeastReflectance = 0.003, kMostReflectance = 1.5;
+constexpr double kLeastAgreement = 0.6; // of shading with the lights: right data above; lights of other images up to 0.5, when all are above the object
 constexpr double kUsualReflectance = 0.25; // what a dataset beyond them is brought to
 
 /// The dataset in the frame that it is baked in: `frame` says which (joined to the one it already has). Datasets with an object of about

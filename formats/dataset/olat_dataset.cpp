@@ -163,7 +163,9 @@ Status decideColors(const DatasetSource& source, OlatDataset& dataset)
 {
     size_t display = 0, jpeg = 0, exr = 0; // PNG and JPEG; JPEG alone; EXR
     const OlatImage* firstExr = nullptr;
-    for (const OlatSplit& split : dataset.splits)
+    bool mixed = false; // within a split: photographs to train and renders to measure are two
+    for (const OlatSplit& split : dataset.splits) {
+        const size_t exrBefore = exr;
         for (const OlatImage& image : split.images) {
             const ImageKind kind = imageKind(image.path);
             if (kind == ImageKind::kNone)
@@ -172,6 +174,8 @@ Status decideColors(const DatasetSource& source, OlatDataset& dataset)
             if (kind == ImageKind::kJpeg) ++jpeg;
             if (kind == ImageKind::kExr && !firstExr) firstExr = &image;
         }
+        mixed = mixed || (exr > exrBefore && exr - exrBefore < split.images.size());
+    }
     const FileColors said = readFileColors(source);
     readCapture(source, dataset);
     if (Status s = source.firstMismatch(); !s) return s;
@@ -188,7 +192,7 @@ Status decideColors(const DatasetSource& source, OlatDataset& dataset)
     if (!said.colorSpace && display > 0 && dataset.convention == "canonical")
         dataset.warnings.push_back(std::string("no color_space: ") + names + " images are taken as sRGB; write \"color_space\": \"srgb\" or \"linear\" into " +
                                    source.descriptions[0].json.name());
-    if (display > 0 && exr > 0)
+    if (display > 0 && exr > 0 && (mixed || !said.colorSpace))
         dataset.warnings.push_back(std::to_string(display) + " " + names + " images are read as " + (dataset.colorSpace == ColorSpace::kSrgb ? "sRGB" : "linear") +
                                    ", " + std::to_string(exr) + " EXR images as linear: the dataset mixes them");
     return ok();

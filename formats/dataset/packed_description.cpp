@@ -148,7 +148,7 @@ std::string encodePackedDescription(const OlatDataset& dataset, const PackedImag
         for (const Camera& c : split.cameras) cameras.push_back(toJson(c));
         for (const OlatImage& image : split.images)
             images.push_back({{"camera", image.camera}, {"path", image.path}, {"light", toJson(image.light)}, {"block", toJson(packed.blocks[image.packedBlock])}});
-        splits.push_back({{"name", split.name}, {"cameras", std::move(cameras)}, {"images", std::move(images)}});
+        splits.push_back({{"name", split.name}, {"development", hexText(developmentOf(dataset, split))}, {"cameras", std::move(cameras)}, {"images", std::move(images)}});
     }
     for (const SkippedImage& s : packed.skipped) skipped.push_back({{"split", s.split}, {"path", s.path}, {"why", s.why}});
     return out.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
@@ -176,6 +176,7 @@ Result<OlatDataset> decodePackedDescription(std::span<const std::byte> text, con
     for (const JsonNode& s : root["splits"].items()) {
         OlatSplit split;
         split.name = s["name"].string();
+        if (const JsonNode development = s["development"]; development.exists()) packed->development[split.name] = readHex(development);
         for (const JsonNode& c : s["cameras"].items()) split.cameras.push_back(readCamera(c));
         if (split.cameras.empty()) s["cameras"].fail("at least one camera", "none");
         if (document->failed()) return document->error();

@@ -2,6 +2,7 @@
 
 #include "base/color.h"
 #include "base/half.h"
+#include "base/hash.h"
 #include "base/text.h"
 
 #include <algorithm>
@@ -171,6 +172,24 @@ Image decodePixels(const PackedBlock& block, std::span<const std::byte> bytes)
     for (int row = 0; row < block.rows; ++row)
         decodeRow(bytes.data() + size_t(row) * block.rowBytes(), block.columns, block.halves, image.pixel(block.x, block.y + row));
     return image;
+}
+
+uint64_t developmentOf(const OlatDataset& dataset, const OlatSplit& split)
+{
+    if (dataset.packed) {
+        const auto found = dataset.packed->development.find(split.name);
+        return found == dataset.packed->development.end() ? 0 : found->second;
+    }
+    uint64_t hash = kFnvOffset;
+    const auto add = [&](const auto&... x) { ((hash = fnv1a(&x, sizeof x, hash)), ...); };
+    if (dataset.blackLevel != 0 || dataset.whiteLevel != 0) add(dataset.blackLevel, dataset.whiteLevel);
+    for (const FileCamera& f : split.files) add(f.width, f.height, f.fx, f.fy, f.cx, f.cy, f.k, f.p);
+    for (size_t i = 0; i < split.images.size(); ++i) {
+        const OlatImage& image = split.images[i];
+        if (image.gain != glm::vec3(1.0f) || !image.maskPath.empty() || !image.ambientPath.empty())
+            add(i, image.gain, uint8_t(!image.maskPath.empty() + 2 * !image.ambientPath.empty()));
+    }
+    return hash == kFnvOffset ? 0 : hash;
 }
 
 PackedImages::~PackedImages()

@@ -15,6 +15,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <span>
 
 namespace nacre {
@@ -62,12 +63,17 @@ public:
     std::vector<PackedBlock> blocks;   // by OlatImage::packedBlock
     std::vector<SkippedImage> skipped;
     uint64_t sourceState = 0;          // changes with the dataset that was prepared, its files included
+    std::map<std::string, uint64_t> development; // developmentOf each split before its images were developed
 
 private:
     int file_ = -1;
     std::string path_;
     mutable std::vector<std::atomic<bool>> checked_;
 };
+
+/// How the files of a split become images: changes with gains, levels, lenses, crops, and whether there are masks and ambient images; 0 if nothing is
+/// done to them. The same for the files and for what was packed of them.
+uint64_t developmentOf(const OlatDataset& dataset, const OlatSplit& split);
 
 /// What packed.json holds: the dataset, blocks and what was skipped.
 std::string encodePackedDescription(const OlatDataset& dataset, const PackedImages& packed);

@@ -26,7 +26,6 @@ constexpr int kMaxSamplesPerSide = 64;
 // least 0.31. Half of that gap is the margin. The best of all hypotheses reached 0.59 where the poses were of other images.
 constexpr double kScoreMargin = 0.15;
 constexpr double kMinBestScore = 0.65;
-constexpr double kLeastAgreement = 0.6;   // right data above; lights of other images up to 0.5, when all are above the object
 constexpr double kStrayVote = 0.0;        // an image that gets darker towards its light
 constexpr double kStrayShare = 0.1;       // of the votes
 constexpr int kRoomAngles = 24;
@@ -193,7 +192,7 @@ std::vector<Hypothesis> hypotheses(const OlatDataset& dataset, const glm::dvec3&
 std::optional<std::string> complaint(const OlatDataset& dataset, const std::vector<Vote>& votes, const glm::dvec3& centre, double stated,
                                      std::optional<Hypothesis>& known)
 {
-    const std::string scores = "shading disagrees with the light frame (agreement " + fixed2(stated);
+    const std::string scores = "shading disagrees with the light frame (agreement " + fixed2(stated), right = ", above " + briefly(kLeastAgreement) + " is right";
     const bool directional = std::all_of(votes.begin(), votes.end(), [](const Vote& v) { return v.view->image->light.type == LightType::kDirectional; });
     std::vector<Hypothesis> all;
     if (known) all.push_back(*known);
@@ -205,10 +204,10 @@ std::optional<std::string> complaint(const OlatDataset& dataset, const std::vect
         if (const double score = agreement(votes, h.towardsLight); score > bestScore) best = &h, bestScore = score;
     if (best) {
         if (!known) known = *best;
-        return scores + ", above 0.7 is right; " + fixed2(bestScore) + " if true): " + best->says;
+        return scores + right + "; " + fixed2(bestScore) + " if true): " + best->says;
     }
     if (stated < kLeastAgreement)
-        return scores + ", above 0.7 is right): lights or poses are of other images, or lights are fixed in a room in which the object turned; "
+        return scores + right + "): lights or poses are of other images, or lights are fixed in a room in which the object turned; "
                         "check that frames, lights and images are in one order and one frame";
     std::vector<const Vote*> stray;
     for (const Vote& vote : votes)

@@ -174,7 +174,12 @@ expect 2 "--strict: 1 images" "$nacre" prepare set -o packed --strict
 expect 2 "interrupted" "$nacre" info packed.part
 expect 0 "" "$nacre" prepare set -o packed --json prepare.json
 grep -q "r_0003.exr" packed/skipped.txt && grep -q '"reused"' prepare.json || fail "prepare does not say what it skipped"
-expect 2 "is there already" "$nacre" prepare set -o packed
+expect 2 "is there already" "$nacre" prepare nosuch -o packed # before anything is read
+expect 2 "--output: a value is missing" "$nacre" prepare set -o ""
+expect 2 "--json: a value is missing" "$nacre" bake set -o a.glb --json ""
+expect 2 "is no folder" "$nacre" prepare set -o prepare.json/packed
+expect 2 "elsewhere" "$nacre" prepare set -o /proc/nacre/packed
+expect 2 "is prepared already; use it" "$nacre" prepare packed -o again
 expect 2 "--disk" "$nacre" prepare set -o small --disk 0.00001
 expect 0 "" "$nacre" info packed
 grep -q "^train" stdout.txt || fail "info does not know the packed dataset: $(cat stdout.txt)"

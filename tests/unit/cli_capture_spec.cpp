@@ -38,7 +38,10 @@ TEST_CASE("what is wrong with a capture's text is named")
     const std::pair<const char*, const char*> bad[] = {{"", "stage or phone"}, {"tripod", "stage or phone"}, {"stage:flash=5cm", "light-error"}, {"phone:spill=2", "flash"},
                                                        {"stage:", "light-error"}, {"stage:gain=3mm", "gain from 0 to 100 %"}, {"stage:gain=-1", "gain from"},
                                                        {"stage:gain=nan", "gain from"}, {"stage:gain", "gain from"}, {"phone:jpeg=9.5", "whole number"},
-                                                       {"stage:holes=1,", "light-error"}, {"phone:pose=11deg", "10 deg"}};
+                                                       {"stage:holes=1,", "light-error"}, {"phone:pose=11deg", "10 deg"},
+                                                       {"stage:clean=0", "takes no value"}, {"phone:lights-off=1", "takes no value"}, {"stage:gain=3,gain=5", "once"},
+                                                       {"phone:jpeg=80,png", "once"}, {"phone:clean,flash=5", "alone"}, {"stage:gain=", "gain from"},
+                                                       {"stage:gain=%", "gain from"}, {"stage:,", "missing"}};
     for (const auto& [text, expected] : bad) {
         INFO(text);
         const auto capture = parseCapture(text);

@@ -310,6 +310,15 @@ TEST_CASE("silhouettes that exclude each other are reported for wrong intrinsics
     CHECK(found);
 }
 
+TEST_CASE("a camera whose mask is blank is named as such, and blames no intrinsics")
+{
+    TempFolder folder;
+    const OlatDataset good = sphereDataset(folder);
+    REQUIRE(writeExr(Image{32, 32, std::vector<float>(32 * 32 * 4)}, folder.file("blank.exr")));
+    const OlatDataset blank = changed(good, "train", [&](OlatImage& i, const Camera&, size_t at) { if (at % 5 == 0) i.path = folder.file("blank.exr"); });
+    warns(blank, 1, {"5 of 24", "no alpha above 0.5"});
+}
+
 TEST_CASE("lengths, intensities and intrinsics in another unit are reported with the figure that shows it")
 {
     TempFolder folder;

@@ -285,8 +285,9 @@ TEST_CASE("canonical PNG without a color_space is sRGB with one warning; what an
     const uint8_t pixels[] = {188, 188, 0, 255};
     REQUIRE(writePng(folder.file("a.png"), 1, 1, 4, pixels));
     REQUIRE(writeExr(Image{1, 1, {0.5f, 0.5f, 0.0f, 1.0f}}, folder.file("a.exr")));
-    const auto load = [&](const char* file, const char* trainSays) {
+    const auto load = [&](const char* file, const char* trainSays, const char* testFile = nullptr) {
         for (const std::string split : {"train", "test"}) {
+            if (split == "test" && testFile) file = testFile;
             json top = topLevel();
             top["width"] = top["height"] = 1;
             if (*trainSays && split == "train") top["color_space"] = trainSays;
@@ -313,6 +314,8 @@ TEST_CASE("canonical PNG without a color_space is sRGB with one warning; what an
         CHECK(dataset.colorSpace == (*said == 'l' ? ColorSpace::kLinear : ColorSpace::kSrgb));
         CHECK(dataset.warnings.empty());
     }
+    CHECK(load("a.png", "srgb", "a.exr").warnings.empty()); // photographs to train, renders to measure
+    CHECK(load("a.png", "", "a.exr").warnings.size() == 2);  // sRGB is a guess, and what it is measured with is linear
     const OlatDataset exr = load("a.exr", "");
     CHECK(exr.colorSpace == ColorSpace::kLinear);
     CHECK(exr.warnings.empty());

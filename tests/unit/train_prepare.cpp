@@ -4,13 +4,12 @@
 #include "base/color.h"
 #include "base/file.h"
 #include "interchange/exr.h"
-#include "interchange/png.h"
+#include "train/checkpoint.h"
 #include "train/display_code.h"
 #include "train/packed_reference.h"
 #include "train/training_images.h"
 
-#include <doctest/doctest.h>
-#include <glm/gtc/matrix_transform.hpp>
+#include "train_photographs.h"
 
 #include <bit>
 #include <filesystem>
@@ -23,49 +22,20 @@ namespace {
 
 constexpr int kSize = 20;
 
-/// Four cameras, three lights each, a square as PNG; a test image as EXR under an environment.
-struct Photographs {
-    fs::path path;
-    OlatDataset dataset;
-    explicit Photographs(const char* name) : path(fs::temp_directory_path() / name)
+/// Four cameras, three lights each; a test image as EXR under an environment.
+struct Photographs : PhotographFolder {
+    explicit Photographs(const char* name) : PhotographFolder(name, kSize, 4, 3)
     {
-        fs::remove_all(path), fs::create_directories(path);
-        dataset.convention = "canonical", dataset.path = path.string(), dataset.colorSpace = ColorSpace::kSrgb;
-        dataset.splits.resize(2);
-        dataset.splits[0].name = "train", dataset.splits[1].name = "test";
-        for (uint32_t i = 0; i < 4; ++i) {
-            Camera c;
-            c.width = c.height = kSize, c.fx = c.fy = 20, c.cx = c.cy = kSize / 2;
-            const glm::dvec3 eye(3 * std::cos(0.5 * i), 3 * std::sin(0.5 * i), 1.0);
-            c.worldFromCamera = glm::inverse(glm::lookAt(eye, glm::dvec3(0), glm::dvec3(0, 0, 1)));
-            dataset.splits[0].cameras.push_back(c);
-            for (int l = 0; l < 3; ++l) {
-                Light light;
-                light.position = glm::vec3(eye) + glm::vec3(0, 0, 0.5f * float(l)), light.intensity = glm::vec3(10);
-                dataset.splits[0].images.push_back({i, light, file(std::to_string(i) + "_" + std::to_string(l) + ".png")});
-                write(3 * i + uint32_t(l), kSize, uint8_t(80 + 10 * i + 40 * uint32_t(l)));
-            }
-        }
-        dataset.splits[1].cameras = {dataset.splits[0].cameras[0]};
+        for (uint32_t i = 0; i < 12; ++i) write(i, kSize, {uint8_t(80 + 8 * i), uint8_t(40 + 5 * i), uint8_t(10 * i)});
+        OlatSplit& test = dataset.splits.emplace_back();
+        test.name = "test", test.cameras = {dataset.splits[0].cameras[0]};
         Light sky;
         sky.type = LightType::kEnvironment, sky.environmentPath = file("sky.exr");
-        dataset.splits[1].images.push_back({0, sky, file("test.exr")});
+        test.images.push_back({0, sky, file("test.exr")});
         Image bright{kSize, kSize, std::vector<float>(kSize * kSize * 4, 0.25f)};
         for (int c = 0; c < 3; ++c) bright.pixel(3, 4)[c] = 7.5f;
         REQUIRE(bool(writeExr(bright, file("test.exr"))));
         REQUIRE(bool(writeExr(Image{4, 2, std::vector<float>(32, 1.0f)}, file("sky.exr"))));
-    }
-    ~Photographs() { fs::remove_all(path); }
-    std::string file(const std::string& name) const { return (path / name).string(); }
-    void write(uint32_t i, int size, uint8_t grey) const
-    {
-        std::vector<uint8_t> rgba(size_t(4 * size * size));
-        for (int y = 8; y < 13; ++y)
-            for (int x = 6; x < 14; ++x) {
-                uint8_t* p = &rgba[4 * size_t(y * size + x)];
-                p[0] = grey, p[1] = uint8_t(grey / 2), p[2] = uint8_t(x * 10), p[3] = 255;
-            }
-        REQUIRE(bool(writePng(dataset.splits[0].images[i].path, size, size, 4, rgba)));
     }
     Result<PackerReport> pack(PackerOptions options = {}, const std::atomic<bool>* cancel = nullptr, const std::function<void(size_t, size_t, double)>& progress = {}) const
     {
@@ -113,6 +83,30 @@ TEST_CASE("a packed dataset gives the images of the files, and needs them no mor
     REQUIRE(!again);
     CHECK(again.error().code == ErrorCode::kBadInput);
     CHECK(again.error().message.find("is there already") != std::string::npos);
+}
+
+TEST_CASE("a bake of files can be resumed from what was packed of them, and not after the files are developed otherwise")
+{
+    Photographs p("nacre_test_prepare_identity");
+    OlatSplit& train = p.train();
+    for (const Camera& c : train.cameras) train.files.push_back({c.width, c.height, c.fx, c.fy, c.cx, c.cy, {0.02}});
+    train.images[5].gain = {0.5f, 0.6f, 0.7f};
+    train.images[2].maskPath = train.images[2].path;
+    p.dataset.blackLevel = 0.01f;
+    p.write(8, kSize + 1, p.grey(100)); // one that is left out
+    REQUIRE(bool(p.pack()));
+    const auto packed = loadDataset(p.file("packed"));
+    REQUIRE(bool(packed));
+    const OlatDataset files = without(p.dataset, "train", {{train.images[8].path, ""}});
+    const auto identity = [](const OlatDataset& dataset) { return bakeIdentity(dataset, dataset.splits[0], {}); };
+    CHECK(identity(*packed) == identity(files));
+    std::vector<OlatDataset> others(5, files);
+    others[0].blackLevel = 0.02f;
+    others[1].splits[0].images[0].gain.g = 2;
+    others[2].splits[0].images[2].maskPath.clear();
+    others[3].splits[0].files[1].k[0] = 0.03;
+    others[4].splits[0].images[1].light.intensity.r = 11;
+    for (const OlatDataset& other : others) CHECK(identity(other) != identity(files));
 }
 
 TEST_CASE("what the loss reads of packed pixels is what it would read of the files, to the last bit")
@@ -171,12 +165,8 @@ TEST_CASE("broken, black and odd-sized files are left out of the pack by name; -
     Photographs p("nacre_test_prepare_broken");
     const auto& images = p.dataset.splits[0].images;
     fs::resize_file(images[1].path, fs::file_size(images[1].path) / 2);
-    p.write(4, kSize, 0);
-    { // black in every channel
-        std::vector<uint8_t> rgba(kSize * kSize * 4);
-        REQUIRE(bool(writePng(images[4].path, kSize, kSize, 4, rgba)));
-    }
-    p.write(6, kSize + 1, 100);
+    p.write(4, kSize, p.grey(0));
+    p.write(6, kSize + 1, p.grey(100));
     PackerOptions strict;
     strict.strict = true;
     const auto refused = p.pack(strict);
@@ -237,7 +227,7 @@ TEST_CASE("an interrupted run is completed; files that have changed since and pi
 
     stop = false;
     REQUIRE(!p.pack(small, &stop, [&](size_t done, size_t, double) { stop = done >= 6; }));
-    p.write(2, kSize, 33); // mended in the meantime
+    p.write(2, kSize, p.grey(33)); // mended in the meantime
     const auto mended = p.pack(small);
     REQUIRE(bool(mended));
     const auto then = loadDataset(p.file("packed"));
