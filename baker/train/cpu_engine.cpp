@@ -1,8 +1,8 @@
 // The step on the CPU: SIMD over pixels and splats, threads over tiles and blocks of splats.
 #include "train/step_engine.h"
 
-#include "base/color.h"
 #include "render/raster.h"
+#include "train/pixel_evidence.h"
 
 #include <algorithm>
 #include <bit>
@@ -12,9 +12,6 @@
 namespace nacre {
 
 namespace {
-
-// Of srgbFromLinear.
-float srgbSlope(float linear) { return linear <= 0.0031308f ? 12.92f : 1.055f / 2.4f * std::pow(linear, 1 / 2.4f - 1); }
 
 class StageClock {
 public:
@@ -207,33 +204,14 @@ ViewEvidence CpuEngine::evidence(const Camera& camera, std::span<const Light> li
     std::vector<float> gradients(size_t(channels + 1) * pixels, 0.0f);
     for (size_t l = 0; l < lights.size(); ++l)
         for (size_t i = 0; i < pixels; ++i) {
-            if (references[l]->planes[3 * pixels + i] < 32768) continue;
-            constexpr float kWeights[] = {0.2126f, 0.7152f, 0.0722f}, kSaturated = 0.98f;
-            float shown = 0, seen = 0;
-            for (size_t c = 0; c < 3; ++c) {
-                shown += kWeights[c] * std::clamp(image[(3 * l + c) * pixels + i], 0.0f, 1.0f);
-                seen += kWeights[c] * linearFromSrgb(float(references[l]->planes[c * pixels + i]) / 65535.0f);
-            }
-            gradients[3 * l * pixels + i] = seen - shown;
-            gradients[(3 * l + 1) * pixels + i] = srgbSlope(shown);
-            gradients[(3 * l + 2) * pixels + i] = seen > kSaturated ? 1.0f : 0.0f;
+            const PixelEvidence e = pixelEvidence(image.data() + 3 * l * pixels, references[l]->planes.data(), pixels, i);
+            gradients[3 * l * pixels + i] = e.residual, gradients[(3 * l + 1) * pixels + i] = e.slope, gradients[(3 * l + 2) * pixels + i] = e.saturated;
         }
     const VisibleSplats& visible = builder_.visible;
     std::vector<float> colors(visible.count() * stride), planes(size_t(channels + 1) * pixels);
     std::copy_n(image.data() + size_t(channels) * pixels, pixels, planes.data() + size_t(channels) * pixels); // alpha
     rasterBackward(visible, builder_.tiles, colors.data(), channels, planes.data(), gradients.data(), rasterScratch_, dColors_.data(), dSplats_.data());
-    ViewEvidence out{litView(camera, lights), {}};
-    for (size_t v = 0; v < visible.count(); ++v) {
-        const float weight = dSplats_[v].weight;
-        if (!(weight > kActiveWeight)) continue;
-        SplatEvidence e{visible.splatFromVisible[v], weight, {}, {}, {}};
-        for (size_t l = 0; l < lights.size(); ++l) {
-            const float* d = &dColors_[v * stride + 3 * l];
-            e.residual[l] = d[0] / weight, e.slope[l] = d[1] / weight, e.saturated[l] = std::clamp(d[2] / weight, 0.0f, 1.0f);
-        }
-        out.splats.push_back(e);
-    }
-    return out;
+    return {litView(camera, lights), splatEvidence(visible.splatFromVisible, dSplats_.data(), dColors_.data(), int(lights.size()))};
 }
 
 StepFigures CpuEngine::figures()

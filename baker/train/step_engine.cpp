@@ -1,6 +1,9 @@
 #include "train/step_engine.h"
 
 #include "base/random.h"
+#include "render/channel_stride.h"
+
+#include <algorithm>
 
 namespace nacre {
 
@@ -50,6 +53,23 @@ void beginStep(SplatState& state, const StepOptions& options, const StepMoment& 
     Random random(options.seed, uint64_t(moment.step) << 8 | 1);
     const float uniform[3] = {random.uniform(), random.uniform(), random.uniform()};
     state.appearance->beginStep(moment.progress, moment.rate, moment.step, uniform, geometry);
+}
+
+std::vector<SplatEvidence> splatEvidence(std::span<const uint32_t> splatFromVisible, const ScreenGradient<float>* dSplats, const float* dColors, int lights)
+{
+    const size_t stride = size_t(channelStride(3 * lights));
+    std::vector<SplatEvidence> out;
+    for (size_t v = 0; v < splatFromVisible.size(); ++v) {
+        const float weight = dSplats[v].weight;
+        if (!(weight > kActiveWeight)) continue;
+        SplatEvidence e{splatFromVisible[v], weight, {}, {}, {}};
+        for (int l = 0; l < lights; ++l) {
+            const float* d = &dColors[v * stride + size_t(3 * l)];
+            e.residual[l] = d[0] / weight, e.slope[l] = d[1] / weight, e.saturated[l] = std::clamp(d[2] / weight, 0.0f, 1.0f);
+        }
+        out.push_back(e);
+    }
+    return out;
 }
 
 } // namespace nacre

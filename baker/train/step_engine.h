@@ -3,6 +3,7 @@
 #pragma once
 
 #include "appearance/evidence.h"
+#include "render/reference_raster.h"
 #include "train/loss.h"
 #include "train/splat_state.h"
 
@@ -64,11 +65,13 @@ public:
 using MakeStepEngine = std::function<std::unique_ptr<StepEngine>(SplatState& state, const StepOptions& options)>;
 std::unique_ptr<StepEngine> makeCpuEngine(SplatState& state, const StepOptions& options);
 
-// What all engines begin with.
+// What all engines do alike.
 PixelRays pixelRays(const Camera& camera);
 LitView litView(const Camera& camera, std::span<const Light> lights);
 GeometryRates geometryRates(const StepOptions& options, double rate);
 float ambientRate(double rate);
 void beginStep(SplatState& state, const StepOptions& options, const StepMoment& moment, const HostGeometry& geometry);
+/// From blending backwards with three channels per light, whose gradients were PixelEvidence. dColors: [visible][channelStride].
+std::vector<SplatEvidence> splatEvidence(std::span<const uint32_t> splatFromVisible, const ScreenGradient<float>* dSplats, const float* dColors, int lights);
 
 } // namespace nacre
