@@ -22,12 +22,9 @@ namespace nacre {
 
 namespace {
 
-constexpr float kRate[kSssRowCode] = {2e-2f, 2e-2f, 2e-2f, 2e-2f, 1e-2f, 2e-2f, 1e-2f, 1e-2f, 1e-2f};
-constexpr float kNetworkRate = 6e-3f, kCodeRate = 3e-2f;
 // The base colour of new splats is that of the object in the mean, within these bounds. From 0.5 the splats of a black object fade
 // before their colour has become dark, and do not come back: a third of its pixels stayed opaque.
 constexpr float kDarkestStart = 0.02f, kBrightestStart = 0.5f;
-constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f;
 // Visibility and normals are taken from the geometry as in bigs.
 constexpr double kRenewAt[] = {0.02, 0.06, 0.16, 0.3, 0.5, 0.8};
 constexpr double kNormalsUntil = 0.2;
@@ -47,18 +44,6 @@ constexpr float kRestartRoughness = -1.386f; // through the logistic function 0.
 // stone: base colour off by 0.011.)
 constexpr float kMetalWeight = 1e-2f, kScatterWeight = 1e-2f, kShareWeight = 1e-1f, kBareWeight = 10;
 constexpr size_t kRanges = 64; // of blocks: each sums its own gradient of the network, so threads cannot show
-
-float logistic(float x) { return 1.0f / (1.0f + std::exp(-x)); }
-
-struct AdamRate {
-    float rate, correction1, correction2;
-    float step(float gradient, float& momentum, float& second) const
-    {
-        momentum = kBeta1 * momentum + (1 - kBeta1) * gradient;
-        second = kBeta2 * second + (1 - kBeta2) * gradient * gradient;
-        return rate * (momentum / correction1) / (std::sqrt(second / correction2) + 1e-15f);
-    }
-};
 
 class SssModel final : public TrainableAppearance {
 public:
@@ -137,32 +122,30 @@ public:
             renewed_ = due;
         }
         state_.rate = float(rate);
-        state_.correction1 = 1 - std::pow(kBeta1, float(step)), state_.correction2 = 1 - std::pow(kBeta2, float(step));
+        state_.correction1 = 1 - std::pow(kSssBeta1, float(step)), state_.correction2 = 1 - std::pow(kSssBeta2, float(step));
     }
 
     void forward(const VisibleView& view, const LitView& lit, float* out) override
     {
         const size_t stride = size_t(channelStride(channels(lit.lightCount)));
         batches_.resize((count() + kSssLanes - 1) / kSssLanes);
+        const SssStep step = sssStep(state_, lit.lightCount);
         forEachBatch(view, [&](size_t, size_t first, int lanes) {
             Batch& batch = batches_[first / kSssLanes];
             fill(view, lit, first, lanes, batch);
-            if (state_.residualOn || state_.weights.share) sssBatchForward(state_.weights, lit.lightCount, batch.network);
+            if (step.network()) sssBatchForward(state_.weights, lit.lightCount, batch.network);
             for (int lane = 0; lane < lanes; ++lane) {
                 const size_t splat = first + size_t(lane);
                 const uint32_t v = view.visibleFromSplat[splat];
                 if (v == ~0u) continue;
-                surfaceChannels(view, lit, splat, out + v * stride);
-                const float scatter = subsurface(splat);
+                const float* row = state_.row[splat].data();
+                float* to = out + v * stride;
+                sssRowChannels(row, view.geometry[splat].position, lit.eye, step.residual, to);
+                const float subsurface = sssRowSubsurface(row, step.residual);
                 for (int l = 0; l < lit.lightCount; ++l) {
-                    const int row = l * kSssLanes + lane;
-                    float* to = out + v * stride + kSssSurfaceChannels + kSssLightChannels * l;
-                    to[kSssIncident] =
-                        batch.network.light[row][kSssVisibilityInput] * (state_.weights.share ? batch.network.share[row] : 1.0f);
-                    for (int c = 0; c < 3; ++c)
-                        to[kSssScattered + c] = state_.residualOn ? scatter * batch.falloff[row] * lit.lights[l].intensity[c] *
-                                                                  batch.network.residual[row][c]
-                                                            : 0.0f;
+                    const int at = l * kSssLanes + lane;
+                    sssRowLightChannels(step, batch.network.light[at][kSssVisibilityInput], batch.falloff[at], &lit.lights[l].intensity.x, subsurface,
+                                        batch.network.share[at], batch.network.residual[at], to + kSssSurfaceChannels + kSssLightChannels * l);
                 }
             }
         });
@@ -184,44 +167,36 @@ public:
     void backwardAndStep(const VisibleView& view, const LitView& lit, const uint8_t* active, const float* dChannels) override
     {
         const size_t stride = size_t(channelStride(channels(lit.lightCount)));
-        const bool network = state_.residualOn || state_.weights.share;
-        if (network) dWeights_.assign(kRanges * kSssAllWeights, 0.0f);
-        const AdamRate adam{state_.rate, state_.correction1, state_.correction2};
-        const float shareWeight = regulariser(kShareWeight) / float(count() * size_t(lit.lightCount));
+        const SssStep step = sssStep(state_, lit.lightCount);
+        if (step.network()) dWeights_.assign(kRanges * kSssAllWeights, 0.0f);
         forEachBatch(view, [&](size_t range, size_t first, int lanes) {
             Batch& batch = batches_[first / kSssLanes];
+            SssBatch& network = batch.network;
             bool any = false;
-            float dScatter[kSssLanes] = {};
-            std::memset(batch.network.dResidual, 0, sizeof batch.network.dResidual),
-                std::memset(batch.network.dShare, 0, sizeof batch.network.dShare);
+            float dSubsurface[kSssLanes] = {};
+            std::memset(network.dResidual, 0, sizeof network.dResidual), std::memset(network.dShare, 0, sizeof network.dShare);
             for (int lane = 0; lane < lanes; ++lane) {
                 const size_t splat = first + size_t(lane);
                 if (!isActive(view, active, splat)) continue;
                 any = true;
-                const float scatter = subsurface(splat);
+                const float* d = dChannels + view.visibleFromSplat[splat] * stride;
+                const float subsurface = sssRowSubsurface(state_.row[splat].data(), step.residual);
                 for (int l = 0; l < lit.lightCount; ++l) {
-                    const int row = l * kSssLanes + lane;
-                    const float* d =
-                        dChannels + view.visibleFromSplat[splat] * stride + kSssSurfaceChannels + kSssLightChannels * l;
-                    if (state_.weights.share)
-                        batch.network.dShare[row] = d[kSssIncident] * batch.network.light[row][kSssVisibilityInput] +
-                                                    shareWeight * (batch.network.share[row] - 1);
-                    for (int c = 0; c < 3 && state_.residualOn; ++c) {
-                        const float perResidual = d[kSssScattered + c] * batch.falloff[row] * lit.lights[l].intensity[c];
-                        batch.network.dResidual[row][c] = perResidual * scatter;
-                        dScatter[lane] += perResidual * batch.network.residual[row][c];
-                    }
+                    const int at = l * kSssLanes + lane;
+                    sssRowLightBackward(step, d + kSssSurfaceChannels + kSssLightChannels * l, network.light[at][kSssVisibilityInput], batch.falloff[at],
+                                        &lit.lights[l].intensity.x, subsurface, network.share[at], network.residual[at], network.dResidual[at],
+                                        &network.dShare[at], &dSubsurface[lane]);
                 }
             }
             if (!any) return;
-            if (network) sssBatchBackward(state_.weights, lit.lightCount, batch.network, &dWeights_[range * kSssAllWeights]);
+            if (step.network()) sssBatchBackward(state_.weights, lit.lightCount, network, &dWeights_[range * kSssAllWeights]);
             for (int lane = 0; lane < lanes; ++lane) {
                 const size_t splat = first + size_t(lane);
                 if (isActive(view, active, splat))
-                    stepRow(splat, dChannels + view.visibleFromSplat[splat] * stride, dScatter[lane], batch.network.dCode[lane], adam);
+                    stepRow(splat, dChannels + view.visibleFromSplat[splat] * stride, dSubsurface[lane], network.dCode[lane], step);
             }
         });
-        if (network) stepNetwork(adam);
+        if (step.network()) stepNetwork(step);
     }
 
     std::vector<OptionalPart> optionalParts() const override
@@ -250,9 +225,9 @@ public:
         const size_t m = state_.residualOn ? 3 : 2; // roughness, metalness, subsurfaceness
         Channel material{"material", uint32_t(m), std::vector<float>(m * n), {}};
         for (size_t i = 0; i < n; ++i) {
-            for (size_t c = 0; c < 3; ++c) base.values[3 * i + c] = logistic(state_.row[i][kSssRowBase + c]);
-            for (size_t c = 0; c < m; ++c) material.values[m * i + c] = logistic(state_.row[i][kSssRowRough + c]);
-            unitNormal(i, &normal.values[3 * i]);
+            for (size_t c = 0; c < 3; ++c) base.values[3 * i + c] = sssFromRaw(state_.row[i][kSssRowBase + c]);
+            for (size_t c = 0; c < m; ++c) material.values[m * i + c] = sssFromRaw(state_.row[i][kSssRowRough + c]);
+            sssRowUnitNormal(state_.row[i].data(), &normal.values[3 * i]);
         }
         std::vector<Channel> channels{std::move(base), std::move(material), std::move(normal)};
         if (!state_.visibility.empty()) channels.push_back({"visibility", kVisibilityTexels, {}, state_.visibility});
@@ -335,37 +310,19 @@ private:
     {
         for (int lane = 0; lane < kSssLanes; ++lane) {
             const size_t splat = first + size_t(std::min(lane, lanes - 1));
-            const GaussianGeometry<float>& g = view.geometry[splat];
+            const float *row = state_.row[splat].data(), *position = view.geometry[splat].position;
             float normal[3];
-            unitNormal(splat, normal);
-            sssFixedInputs(g.position, normal, state_.frame, batch.network.fixed[lane]);
-            std::copy_n(&state_.row[splat][kSssRowCode], kSssCodeInputs, batch.network.code[lane]);
-            const LightSample<float> toEye = samplePointLight(lit.eye, 0.0f, g.position);
+            sssRowUnitNormal(row, normal);
+            sssFixedInputs(position, normal, state_.frame, batch.network.fixed[lane]);
+            std::copy_n(row + kSssRowCode, kSssCodeInputs, batch.network.code[lane]);
+            const LightSample<float> toEye = samplePointLight(lit.eye, 0.0f, position);
+            const VisibilityMap map = {state_.visibility.empty() ? nullptr : &state_.visibility[splat * kVisibilityTexels]};
             for (int l = 0; l < lit.lightCount; ++l) {
-                const Light& light = lit.lights[l];
-                const int row = l * kSssLanes + lane;
-                const LightSample<float> s = sampleLight(light, g.position);
-                const float distance = light.type == LightType::kPoint
-                                           ? glm::distance(light.position, glm::vec3(g.position[0], g.position[1], g.position[2]))
-                                           : -1.0f;
-                const float visibility =
-                    state_.visibility.empty() ? 1.0f : mapVisibility(VisibilityMap{&state_.visibility[splat * kVisibilityTexels]}, s.dir);
-                sssLightInputs(toEye.dir, s.dir, visibility, distance * state_.frame[3], batch.network.light[row]);
-                if (!state_.nearness) batch.network.light[row][kSssNearnessInput] = 0; // no gradient either: its weights stay 0
-                batch.falloff[row] = s.falloff;
+                const int at = l * kSssLanes + lane;
+                batch.falloff[at] = sssRowLight(lit.lights[l], position, toEye.dir, map, state_.frame, state_.nearness, batch.network.light[at]);
             }
         }
     }
-
-    void unitNormal(size_t splat, float* n) const
-    {
-        const float* raw = &state_.row[splat][kSssRowNormal];
-        const float length = std::sqrt(std::max(raw[0] * raw[0] + raw[1] * raw[1] + raw[2] * raw[2], 1e-20f));
-        for (int k = 0; k < 3; ++k) n[k] = raw[k] / length;
-    }
-
-    float regulariser(float weight) const { return state_.residualOn ? weight : kBareWeight * weight; }
-    float subsurface(size_t splat) const { return state_.residualOn ? logistic(state_.row[splat][kSssRowScatter]) : 0.0f; }
 
     // The network's logistic function of the share has a factor of its own: with the share off it is told to answer 1.
     void exportNetwork(std::vector<Channel>& channels) const
@@ -394,53 +351,23 @@ private:
         state_.frame[3] = 1.0f / std::max({half.x, half.y, half.z, 1e-6f});
     }
 
-    void surfaceChannels(const VisibleView& view, const LitView& lit, size_t splat, float* out) const
-    {
-        const SssRow& r = state_.row[splat];
-        const float* p = view.geometry[splat].position;
-        unitNormal(splat, out + kSssNormal);
-        for (int c = 0; c < 3; ++c) out[kSssBase + c] = logistic(r[size_t(kSssRowBase + c)]);
-        out[kSssRoughness] = logistic(r[kSssRowRough]), out[kSssMetalness] = logistic(r[kSssRowMetal]),
-        out[kSssSubsurface] = subsurface(splat);
-        const float d[3] = {p[0] - lit.eye[0], p[1] - lit.eye[1], p[2] - lit.eye[2]};
-        out[kSssDepth] = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-    }
-
     // d: gradient with respect to the channels of the surface
-    void stepRow(size_t splat, const float* d, float dScatter, const float* dCode, const AdamRate& adam)
+    void stepRow(size_t splat, const float* d, float dSubsurface, const float* dCode, const SssStep& step)
     {
         SssRow& r = state_.row[splat];
-        float gradient[kSssRowFloats], normal[3], along = 0;
-        const auto through = [](float raw) {
-            const float y = logistic(raw);
-            return y * (1 - y);
-        };
-        for (int c = 0; c < 3; ++c) gradient[kSssRowBase + c] = d[kSssBase + c] * through(r[size_t(kSssRowBase + c)]);
-        gradient[kSssRowRough] = d[kSssRoughness] * through(r[kSssRowRough]),
-        gradient[kSssRowMetal] = (d[kSssMetalness] + regulariser(kMetalWeight) / float(count())) * through(r[kSssRowMetal]);
-        gradient[kSssRowScatter] =
-            state_.residualOn ? (d[kSssSubsurface] + dScatter + kScatterWeight / float(count())) * through(r[kSssRowScatter]) : 0.0f;
-        unitNormal(splat, normal);
-        for (int k = 0; k < 3; ++k) along += d[kSssNormal + k] * normal[k];
-        for (int k = 0; k < 3; ++k) gradient[kSssRowNormal + k] = d[kSssNormal + k] - along * normal[k];
-        const bool coded = state_.codeOn && (state_.residualOn || state_.weights.share);
-        for (size_t k = 0; k < kSssCodeInputs; ++k) gradient[kSssRowCode + k] = coded ? dCode[k] : 0.0f;
-        for (size_t k = 0; k < kSssRowFloats; ++k) {
-            AdamRate own = adam;
-            own.rate *= k < kSssRowCode ? kRate[k] : kCodeRate;
-            r[k] -= own.step(gradient[k], state_.momentum[splat][k], state_.second[splat][k]);
-        }
-        for (size_t k = 0; k < kSssRowNormal; ++k) r[k] = std::clamp(r[k], -7.0f, 7.0f); // a logistic beyond that has no slope left
+        float gradient[kSssRowFloats];
+        sssRowBackward(step, r.data(), d, dSubsurface, gradient);
+        for (int k = 0; k < kSssCodeInputs; ++k) gradient[kSssRowCode + k] = step.code ? dCode[k] : 0.0f;
+        for (int k = 0; k < kSssRowFloats; ++k)
+            sssStepNumber(step, k, gradient[k], r[size_t(k)], state_.momentum[splat][size_t(k)], state_.second[splat][size_t(k)]);
     }
 
-    void stepNetwork(const AdamRate& adam)
+    void stepNetwork(const SssStep& step)
     {
-        AdamRate own = adam;
-        own.rate *= kNetworkRate;
         for (size_t k = 0; k < kSssAllWeights; ++k) {
             float sum = 0;
             for (size_t range = 0; range < kRanges; ++range) sum += dWeights_[range * kSssAllWeights + k];
-            state_.weights.value[k] -= own.step(sum, state_.networkMomentum[k], state_.networkSecond[k]);
+            sssAdam(step, kSssNetworkRate, sum, state_.weights.value[k], state_.networkMomentum[k], state_.networkSecond[k]);
         }
         state_.weights.transpose();
     }
@@ -490,6 +417,18 @@ private:
 };
 
 } // namespace
+
+SssStep sssStep(const SssState& state, int lights)
+{
+    const auto pull = [&](float weight) { return state.residualOn ? weight : kBareWeight * weight; };
+    const size_t count = state.row.size();
+    SssStep step{};
+    step.rate = state.rate, step.correction1 = state.correction1, step.correction2 = state.correction2;
+    step.metalPull = pull(kMetalWeight) / float(count), step.scatterPull = kScatterWeight / float(count);
+    step.sharePull = pull(kShareWeight) / float(count * size_t(lights));
+    step.residual = state.residualOn, step.share = state.weights.share, step.code = state.codeOn && step.network();
+    return step;
+}
 
 SssState* sssState(TrainableAppearance& model)
 {

@@ -81,15 +81,8 @@ struct Resolve {
         for (int k = 0; k < channels; ++k) group.channels[k] = Lanes::load(planes + size_t(k) * pixels + at, count);
         float columns[Lanes::kCount];
         for (int lane = 0; lane < Lanes::kCount; ++lane) columns[lane] = float(x + lane) + 0.5f;
-        const Lanes column = Lanes::load(columns, Lanes::kCount);
-        Lanes eye[3], length2{};
-        for (int k = 0; k < 3; ++k) {
-            eye[k] = Lanes(rays.eye[k]);
-            group.ray[k] = Lanes(rays.origin[k] + (float(y) + 0.5f) * rays.down[k]) + column * Lanes(rays.right[k]);
-            length2 += group.ray[k] * group.ray[k];
-        }
-        const Lanes inverse = Lanes(1) / sqrt(length2);
-        for (Lanes& r : group.ray) r = r * inverse; // depth is the distance from the eye
+        sssPixelRay(rays, Lanes::load(columns, Lanes::kCount), float(y) + 0.5f, group.ray); // depth is the distance from the eye
+        const Lanes eye[3] = {Lanes(rays.eye[0]), Lanes(rays.eye[1]), Lanes(rays.eye[2])};
         group.pixel = sssPixel(group.channels, group.alpha, eye, group.ray);
     }
 };

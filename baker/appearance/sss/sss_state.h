@@ -2,6 +2,7 @@
 #pragma once
 
 #include "appearance/sss/sss_network_simd.h"
+#include "appearance/sss/sss_row.h"
 
 #include <array>
 #include <cstdint>
@@ -9,9 +10,6 @@
 
 namespace nacre {
 
-// One row per splat. All before the normal go through a logistic function.
-constexpr int kSssRowBase = 0, kSssRowRough = 3, kSssRowMetal = 4, kSssRowScatter = 5, kSssRowNormal = 6, kSssRowCode = 9,
-              kSssRowFloats = kSssRowCode + kSssCodeInputs;
 using SssRow = std::array<float, kSssRowFloats>;
 
 struct SssState {
@@ -26,6 +24,9 @@ struct SssState {
     // Of the step in progress: set by beginStep. Corrections of Adam's moments.
     float rate = 1, correction1 = 1, correction2 = 1;
 };
+
+/// What the step in progress does to all splats alike, under so many lights.
+SssStep sssStep(const SssState& state, int lights);
 
 /// Of a model that is sss; else null.
 SssState* sssState(TrainableAppearance& model);
