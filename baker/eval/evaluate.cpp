@@ -36,7 +36,7 @@ Result<EvalResult> evaluate(const OlatSplit& split, ImageCache& references, Spla
     if (count == 0) return Error{ErrorCode::kBadInput, "split '" + split.name + "' has no images; nothing to evaluate"};
     EvalResult result;
     result.psnrMin = std::numeric_limits<double>::infinity();
-    const BlackFrames black(split);
+    const ImageFaults faults(split);
     for (size_t i = 0; i < count; ++i) {
         const OlatImage& source = split.images[i];
         const Camera& camera = split.cameras[source.camera];
@@ -44,7 +44,7 @@ Result<EvalResult> evaluate(const OlatSplit& split, ImageCache& references, Spla
         const auto reference = references.load(split, i);
         const std::string fault = !reference ? reference.error().message
                                   : !lights  ? source.path + ": " + lights.error().message
-                                             : black.fault(source, **reference);
+                                             : faults.of(source, **reference);
         if (!fault.empty()) {
             result.skipped.push_back({source.path, fault});
             if (Status s = fewUnusable(result.skipped, count, split.name); !s) return s.error();

@@ -152,7 +152,7 @@ public:
         : dataset_(dataset), options_(options), progress_(progress), cancel_(cancel), folder_(options.output + ".part"), bytesOnly_(options.pixels == PackerOptions::Pixels::kBytes)
     {
         for (const OlatSplit& split : dataset.splits) {
-            black_.try_emplace(&split, split);
+            faults_.try_emplace(&split, split);
             for (size_t i = 0; i < split.images.size(); ++i) items_.push_back({&split, i});
             for (const Camera& camera : split.cameras)
                 mostPixels_ = std::max(mostPixels_, size_t(camera.width) * size_t(camera.height));
@@ -181,7 +181,7 @@ private:
     std::string folder_;
     bool bytesOnly_;
     size_t mostPixels_ = 1;
-    std::map<const OlatSplit*, BlackFrames> black_;
+    std::map<const OlatSplit*, ImageFaults> faults_;
     std::vector<Item> items_;
     std::vector<Record> records_;
     OpenFile pixels_, journal_;
@@ -277,7 +277,7 @@ std::vector<std::byte> Packer::packOne(size_t item, ImageCache& files)
     Record& record = records_[item];
     record.stamp = stampOf(entry);
     const auto image = files.load(*items_[item].split, items_[item].index);
-    record.fault = image ? black_.at(items_[item].split).fault(entry, **image) : image.error().message;
+    record.fault = image ? faults_.at(items_[item].split).of(entry, **image) : image.error().message;
     if (record.fault.empty() && entry.light.type == LightType::kEnvironment)
         if (const auto map = readFileStart(entry.light.environmentPath, 4); !map) record.fault = entry.path + ": its environment map cannot be used: " + map.error().message;
     if (!record.fault.empty()) return {};

@@ -50,16 +50,18 @@ static bool isWhite(const Image& image)
     return object > 0 && double(white) >= kWhiteShare * double(object);
 }
 
-BlackFrames::BlackFrames(const OlatSplit& split) : split_(split)
+ImageFaults::ImageFaults(const OlatSplit& split) : split_(split)
 {
     float centre[3] = {}, halfSize = 0;
     if (!split.cameras.empty()) frameCube(split.cameras, centre, &halfSize);
     centre_ = {centre[0], centre[1], centre[2]};
 }
 
-std::string BlackFrames::fault(const OlatImage& entry, const Image& image) const
+std::string ImageFaults::of(const OlatImage& entry, const Image& image) const
 {
     if (isUnknown(image)) return entry.path + ": no pixel can be used, all are saturated or outside of what the lens saw";
+    if (split_.name == "train" && entry.light.isPunctual() && isWhite(image))
+        return entry.path + ": the image is white, saturated on nearly all of the object; expose less";
     if (!isBlack(image)) return {};
     if (isEmpty(image)) return entry.path + ": nothing of the object is in the image; its " + (entry.maskPath.empty() ? "alpha" : "mask " + entry.maskPath) + " is 0 everywhere";
     const Light& light = entry.light;
@@ -90,7 +92,7 @@ Result<std::vector<UnusableImage>> unusableImages(const OlatDataset& dataset, co
     const size_t atOnce = std::clamp<size_t>(kAtOnceBytes / largest, 1, kMostAtOnce);
 
     ImageCache files(dataset, 0); // each is looked at once
-    const BlackFrames black(split);
+    const ImageFaults faults(split);
     std::vector<std::string> fault(used.size());
     for (size_t first = 0; first < used.size(); first += atOnce) {
         if (cancel && cancel->load()) return Error{ErrorCode::kCancelled, "cancelled before training started"};
@@ -98,9 +100,7 @@ Result<std::vector<UnusableImage>> unusableImages(const OlatDataset& dataset, co
         tbb::parallel_for(first, std::min(first + atOnce, used.size()), [&](size_t k) {
             const OlatImage& entry = split.images[used[k]];
             const auto image = files.load(split, used[k]);
-            fault[k] = !image           ? image.error().message
-                       : isWhite(**image) ? entry.path + ": the image is white, saturated on nearly all of the object; expose less"
-                                          : black.fault(entry, **image);
+            fault[k] = image ? faults.of(entry, **image) : image.error().message;
         });
     }
     std::vector<UnusableImage> out;

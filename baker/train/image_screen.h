@@ -17,12 +17,12 @@ struct UnusableImage {
     std::string path, why; // why names the path, too
 };
 
-/// Tells frames that the shutter missed: black, although the light stands where the camera would see what it lights.
-class BlackFrames {
+/// Tells frames that say nothing: black, although the light stands where the camera would see what it lights; without the object; to train, white.
+class ImageFaults {
 public:
-    explicit BlackFrames(const OlatSplit& split);
-    /// What is wrong with the image; empty if it is not such a frame.
-    std::string fault(const OlatImage& entry, const Image& image) const;
+    explicit ImageFaults(const OlatSplit& split);
+    /// What is wrong with the image; empty if nothing is.
+    std::string of(const OlatImage& entry, const Image& image) const;
 
 private:
     const OlatSplit& split_;

@@ -146,7 +146,8 @@ std::vector<std::string> checkAlpha(const OlatDataset& dataset, ImageCache& imag
         out.push_back("half-transparent pixels are " + number(median) + " times as bright as their alpha allows: alpha is straight" + advice);
     if (median < kTwice)
         out.push_back("half-transparent pixels are only " + number(median) + " times as bright as their alpha says: " +
-                      (*key == 'p' ? "colours are premultiplied already" + advice : std::string("colours were multiplied by alpha twice, or after their sRGB encoding")));
+                      (*key == 'p' ? "colours are premultiplied already" + advice : std::string("colours were multiplied by alpha twice, or after their sRGB encoding (masks of "
+                                                                          "photographs before something dark do that, too: a rim of a pixel is too dark)")));
     return out;
 }
 

@@ -22,6 +22,8 @@ void readLevel(const JsonNode& node, float& out, bool& isSet)
 
 void readPhotograph(const DatasetSource& source, const std::string& folder, const JsonNode& frame, const JsonNode& top, OlatImage& image)
 {
+    for (const char* key : {"black_level", "white_level", "background", "light_rig"})
+        if (frame[key].exists()) frame[key].fail("this key at the top level, for all frames", "it in a frame, where it says nothing");
     for (const char* key : {"mask_path", "obj_mask_path"})
         if (const JsonNode mask = frame[key]; mask.exists()) image.maskPath = findImage(source, folder, mask.string(), mask, ".png");
     if (const JsonNode ambient = frame["ambient_path"]; ambient.exists()) image.ambientPath = findImage(source, folder, ambient.string(), ambient);
@@ -47,7 +49,7 @@ void readCapture(const DatasetSource& source, OlatDataset& out)
         readLevel(top["white_level"], out.whiteLevel, hasWhite);
         if (hasBlack && !(out.blackLevel < 0.9f)) top["black_level"].fail("a level below 0.9", std::to_string(out.blackLevel));
         if (hasWhite && !(out.whiteLevel > out.blackLevel)) top["white_level"].fail("a level above black_level", std::to_string(out.whiteLevel));
-        if (background.isString()) {
+        if (background.exists()) {
             const std::string name = background.string();
             if (name != "black" && name != "in_view")
                 background.fail("\"black\" or \"in_view\"", inQuotes(name) + "; composite the images over black, keep straight alpha and say \"alpha\": "

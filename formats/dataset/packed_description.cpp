@@ -6,6 +6,7 @@
 #include "dataset/packed_images.h"
 
 #include "base/file.h"
+#include "base/hash.h"
 
 #include <nlohmann/json.hpp>
 
@@ -65,6 +66,17 @@ uint64_t readHex(const JsonNode& node)
     const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), x, 16);
     if (status != std::errc() || end != text.data() + text.size() || text.size() != 16) node.fail("16 hexadecimal digits", inQuotes(text));
     return x;
+}
+
+constexpr std::string_view kChecksum = ",\"checksum\":\"", kEnd = "\"}\n";
+constexpr size_t kChecksumBytes = kChecksum.size() + 16 + kEnd.size();
+
+/// A changed digit of a pose or a light would be wrong without a word. Files without a checksum, of an earlier version, pass.
+bool isDamaged(std::string_view text)
+{
+    if (text.size() < kChecksumBytes) return false;
+    const std::string_view body = text.substr(0, text.size() - kChecksumBytes), tail = text.substr(body.size());
+    return text.find(kChecksum) != std::string_view::npos && tail != std::string(kChecksum).append(hexText(fnv1a(body.data(), body.size()))).append(kEnd);
 }
 
 Json toJson(const PackedBlock& b) { return {b.offset, b.width, b.height, b.x, b.y, b.columns, b.rows, int(b.halves), hexText(b.hash)}; }
@@ -151,7 +163,10 @@ std::string encodePackedDescription(const OlatDataset& dataset, const PackedImag
         splits.push_back({{"name", split.name}, {"development", hexText(developmentOf(dataset, split))}, {"cameras", std::move(cameras)}, {"images", std::move(images)}});
     }
     for (const SkippedImage& s : packed.skipped) skipped.push_back({{"split", s.split}, {"path", s.path}, {"why", s.why}});
-    return out.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+    std::string text = out.dump(-1, ' ', false, Json::error_handler_t::replace);
+    text.pop_back(); // the last brace
+    const std::string checksum = hexText(fnv1a(text.data(), text.size()));
+    return text.append(kChecksum).append(checksum).append(kEnd);
 }
 
 Result<OlatDataset> decodePackedDescription(std::span<const std::byte> text, const std::string& folder, uint64_t pixelBytes)
@@ -210,6 +225,8 @@ Result<OlatDataset> loadPacked(const std::string& folder)
     if (!text) return text.error();
     auto dataset = decodePackedDescription(*text, folder, pixelBytes);
     if (!dataset) return dataset;
+    if (isDamaged({reinterpret_cast<const char*>(text->data()), text->size()}))
+        return Error{ErrorCode::kBadInput, (fs::path(folder) / kPackedDescription).string() + ": damaged or edited: its checksum differs; prepare the dataset again"};
     // nobody else knows it yet
     if (Status s = std::const_pointer_cast<PackedImages>(dataset->packed)->open(pixels); !s) return s.error();
     return dataset;

@@ -245,4 +245,34 @@ TEST_CASE("descriptions say how photographs were taken, and nonsense is refused 
         REQUIRE(!refused);
         CHECK(refused.error().message.find(key) != std::string::npos);
     }
+    for (const json& frame : {json{{"black_level", 0.1}}, json{{"background", "in_view"}}, json{{"light_rig", "camera"}}}) { // which only the top level says
+        const auto refused = description(json::object(), frame);
+        REQUIRE(!refused);
+        CHECK(refused.error().message.find("frames[0]." + frame.begin().key()) != std::string::npos);
+        CHECK(refused.error().message.find("top level") != std::string::npos);
+    }
+    CHECK(!description({{"background", {1, 1, 1}}}, json::object()));
+}
+
+TEST_CASE("a lens that bends most of the picture back is a warning, one that a photograph can have is none")
+{
+    TempFolder folder;
+    const auto warnings = [&](const json& lens) {
+        REQUIRE(writeExr(flat(0.5f), folder.file("a.exr")));
+        json t{{"camera_angle_x", 0.6}, {"width", 4}, {"height", 4},
+               {"frames", {{{"file_path", "a.exr"}, {"transform_matrix", {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 3}, {0, 0, 0, 1}}},
+                            {"light", {{"type", "point"}, {"position", {0, 1, 3}}, {"intensity", 4}}}}}}};
+        t.update(lens);
+        folder.writeText("transforms_train.json", t.dump());
+        const auto dataset = loadDataset(folder.path.string());
+        REQUIRE_MESSAGE(dataset, dataset.error().message);
+        return dataset->warnings;
+    };
+    CHECK(warnings({{"k1", -0.3}, {"k2", 0.1}}).empty());
+    CHECK(warnings({{"k1", 0.2}}).empty());
+    for (const double k : {-20.0, 20.0}) {
+        const auto found = warnings({{"k1", k}});
+        REQUIRE(found.size() == 1);
+        CHECK(found[0].find("a lens that does not show") != std::string::npos);
+    }
 }

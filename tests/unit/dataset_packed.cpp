@@ -191,3 +191,25 @@ TEST_CASE("a damaged byte of the pixels is an error, a folder without pixels too
     folder.writeText("pixels.bin", pixels.substr(0, 10)); // while it is in use
     CHECK(!halves.load(half.splits[0], 3));
 }
+
+TEST_CASE("a damaged byte of the description is an error, digits of poses and lights among them")
+{
+    TempFolder folder;
+    uint64_t pixelBytes = 0;
+    const std::string text = exampleText(&pixelBytes);
+    folder.writeText("pixels.bin", std::string(pixelBytes, 'x'));
+    folder.writeText("packed.json", text);
+    REQUIRE(loadDataset(folder.path.string()));
+    const size_t body = text.find(",\"checksum\"");
+    REQUIRE(body < text.size());
+    for (size_t at = 0; at < body; at += 5) {
+        std::string changed = text;
+        changed[at] = char(changed[at] ^ 1);
+        folder.writeText("packed.json", changed);
+        CAPTURE(at);
+        const auto dataset = loadDataset(folder.path.string());
+        REQUIRE(!dataset);
+    }
+    folder.writeText("packed.json", text.substr(0, body) + "}\n"); // of a version that had none
+    CHECK(loadDataset(folder.path.string()));
+}
