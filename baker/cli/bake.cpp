@@ -337,7 +337,7 @@ static Status runBake(BakeArguments args)
     if (!dataset) return dataset.error();
     auto train = findSplit(*dataset, "train");
     if (!train) return train.error();
-    size_t memoryBytes = args.memory > 0 ? size_t(args.memory * 1e9) : machineMemory() / 2;
+    size_t memoryBytes = args.memory > 0 ? bytesOfGigabytes(args.memory) : machineMemory() / 2;
     if (!args.json.empty() && dataset->find("test")) options.track = BakeOptions::Track::kNowAndThen;
     auto budget = imageBudget(memoryBytes, *dataset, options);
     if (!budget && args.memory <= 0) budget = imageBudget(memoryBytes = machineMemory(), *dataset, options); // nobody asked to be modest

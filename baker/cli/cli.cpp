@@ -123,6 +123,8 @@ size_t fileBytes(const std::string& path)
     return error ? 0 : size_t(bytes);
 }
 
+uint64_t bytesOfGigabytes(double gigabytes) { return uint64_t(std::min(gigabytes * 1e9, 1e18)); }
+
 Json skippedJson(const std::vector<UnusableImage>& skipped)
 {
     Json out = Json::array();

@@ -71,6 +71,8 @@ Status checkWritable(const std::string& path);
 Status makeFolder(const std::string& folder);
 Status writeJson(const Json& json, const std::string& path);
 size_t fileBytes(const std::string& path);
+/// What --memory and --disk say.
+uint64_t bytesOfGigabytes(double gigabytes);
 
 /// [{"path", "why"}, ...]
 Json skippedJson(const std::vector<UnusableImage>& skipped);

@@ -26,7 +26,7 @@ static Status runPrepare(PrepareArguments args)
     if (std::filesystem::path(args.dataset).lexically_normal() == output) return Error{ErrorCode::kBadInput, "'" + args.options.output + "' is the dataset; give the packed one another name"};
     if (Status s = checkPackedOutput(args.options.output); !s) return s;
     args.options.pixels = args.format == "bytes" ? PackerOptions::Pixels::kBytes : args.format == "halves" ? PackerOptions::Pixels::kHalves : PackerOptions::Pixels::kAuto;
-    args.options.diskBytes = uint64_t(args.disk * 1e9);
+    args.options.diskBytes = bytesOfGigabytes(args.disk);
 
     const std::atomic<bool>& stop = catchStopSignals();
     Progress progress;

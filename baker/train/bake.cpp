@@ -20,7 +20,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <limits>
 
 namespace nacre {
@@ -53,10 +52,12 @@ private:
 
 class Bake {
 public:
-    Bake(const OlatDataset& dataset, const BakeOptions& options, const std::function<void(const BakeProgress&)>& progress,
+    /// `dataset` is `stated` in its frame, under lights `gain` times as bright.
+    Bake(const OlatDataset& dataset, const OlatDataset& stated, double gain, const BakeOptions& options, const std::function<void(const BakeProgress&)>& progress,
          const std::atomic<bool>* cancel)
-        : dataset_(dataset), options_(options), report_(progress), cancel_(cancel), schedule_(options, dataset)
+        : dataset_(dataset), stated_(stated), options_(options), report_(progress), cancel_(cancel), schedule_(options, dataset)
     {
+        state_.gain = gain;
     }
 
     Result<BakeResult> run();
@@ -75,7 +76,9 @@ private:
     Status tick(const char* stage, double progress);
     void report(const char* stage, double progress);
 
-    const OlatDataset& dataset_;
+    std::string identity() const { return bakeIdentity(stated_, *stated_.find("train"), options_); }
+
+    const OlatDataset &dataset_, &stated_;
     BakeOptions options_;
     const std::function<void(const BakeProgress&)>& report_;
     const std::atomic<bool>* cancel_;
@@ -139,18 +142,14 @@ Status Bake::checkpoint()
     if (options_.checkpointPath.empty()) return ok();
     state_.seconds = schedule_.seconds();
     if (refinement_) state_.lights = refinement_->evidence();
-    const std::string identity = bakeIdentity(dataset_, *preparation_.split, options_);
-    return writeFileAtomically(options_.checkpointPath, encodeCheckpoint(identity, options_.skipped, state_, *trainer_));
+    return writeFileAtomically(options_.checkpointPath, encodeCheckpoint(identity(), options_.skipped, state_, *trainer_));
 }
 
 Status Bake::resume()
 {
-    if (options_.checkpointPath.empty() || !std::filesystem::exists(options_.checkpointPath))
-        return Error{ErrorCode::kBadInput,
-                     "nothing to resume: no checkpoint at '" + options_.checkpointPath + "'; start again without --resume"};
     auto bytes = readFile(options_.checkpointPath, std::numeric_limits<size_t>::max());
     if (!bytes) return bytes.error();
-    auto state = decodeCheckpoint(*bytes, bakeIdentity(dataset_, *preparation_.split, options_), *trainer_);
+    auto state = decodeCheckpoint(*bytes, identity(), *trainer_);
     if (!state) return Error{state.error().code, options_.checkpointPath + ": " + state.error().message};
     state_ = std::move(*state);
     if (refinement_ && !refinement_->restore(std::move(state_.lights)))
@@ -316,6 +315,17 @@ Result<BakeResult> Bake::run()
     return finish();
 }
 
+/// That of an interrupted bake holds on: today's pixels may be those of a pack.
+Result<double> gainFor(const OlatDataset& inFrame, const BakeOptions& options)
+{
+    if (!options.resume) return learningGain(inFrame, options.model);
+    const auto checkpoint = readFile(options.checkpointPath, std::numeric_limits<size_t>::max());
+    if (!checkpoint) return Error{ErrorCode::kBadInput, "nothing to resume: " + checkpoint.error().message + "; start again without --resume"};
+    auto gain = learningGainOf(*checkpoint);
+    if (!gain) return Error{gain.error().code, options.checkpointPath + ": " + gain.error().message};
+    return gain;
+}
+
 } // namespace
 
 Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,
@@ -325,11 +335,11 @@ Result<BakeResult> bake(const OlatDataset& dataset, const BakeOptions& options,
     return arena.execute([&]() -> Result<BakeResult> {
         const Result<OlatDataset> inFrame = normalised(dataset);
         if (!inFrame) return inFrame.error();
-        const Result<double> gain = learningGain(*inFrame, options.model);
+        const Result<double> gain = gainFor(*inFrame, options);
         if (!gain) return gain.error();
         const OlatDataset lit = underGain(*inFrame, *gain);
         try {
-            Result<BakeResult> result = Bake(lit, options, progress, cancel).run();
+            Result<BakeResult> result = Bake(lit, dataset, *gain, options, progress, cancel).run();
             if (result) absorbGain(result->asset, *gain, inFrame->frame);
             return result;
         } catch (const DeviceError& e) {

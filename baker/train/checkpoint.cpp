@@ -5,13 +5,14 @@
 #include "dataset/packed_images.h"
 
 #include <algorithm>
+#include <cmath>
 #include <sstream>
 
 namespace nacre {
 
 namespace {
 
-constexpr uint32_t kMagic = 0x504b434e, kVersion = 12;
+constexpr uint32_t kMagic = 0x504b434e, kVersion = 13;
 
 Error bad(const std::string& what) { return {ErrorCode::kBadInput, what + "; start again with --restart"}; }
 
@@ -73,7 +74,7 @@ std::vector<std::byte> encodeCheckpoint(const std::string& identity, const std::
     out.value(kMagic), out.value(kVersion), out.array(identity);
     out.value(uint64_t(skipped.size()));
     for (const UnusableImage& image : skipped) out.array(image.path), out.array(image.why);
-    out.value(state.step), out.value(state.stepsSinceReset), out.value(state.seconds), out.value(state.nextTrack);
+    out.value(state.gain), out.value(state.step), out.value(state.stepsSinceReset), out.value(state.seconds), out.value(state.nextTrack);
     out.array(state.history), out.array(state.lights), out.array(state.parts);
     trainer.save(out);
     out.value(fnv1a(out.bytes.data(), out.bytes.size()));
@@ -90,15 +91,31 @@ static std::vector<UnusableImage> readSkipped(ByteReader& in)
     return skipped;
 }
 
-Result<std::vector<UnusableImage>> skippedImages(std::span<const std::byte> checkpoint)
+/// What is there before the state.
+static Result<std::pair<std::vector<UnusableImage>, double>> readStart(std::span<const std::byte> checkpoint)
 {
     auto in = open(checkpoint);
     if (!in) return in.error();
     std::string identity;
     in->array(identity);
     auto skipped = readSkipped(*in);
-    if (in->failed) return bad("checkpoint that ends too soon");
-    return skipped;
+    const auto gain = in->value<double>();
+    if (in->failed || !(gain > 0 && std::isfinite(gain))) return bad("checkpoint that ends too soon");
+    return std::pair(std::move(skipped), gain);
+}
+
+Result<std::vector<UnusableImage>> skippedImages(std::span<const std::byte> checkpoint)
+{
+    auto start = readStart(checkpoint);
+    if (!start) return start.error();
+    return std::move(start->first);
+}
+
+Result<double> learningGainOf(std::span<const std::byte> checkpoint)
+{
+    const auto start = readStart(checkpoint);
+    if (!start) return start.error();
+    return start->second;
 }
 
 Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::string& identity, Trainer& trainer)
@@ -110,7 +127,7 @@ Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::
     if (theirs != identity) return bad("checkpoint of another bake: " + identityDifference(theirs, identity));
     readSkipped(*in);
     BakeState state;
-    state.step = in->value<int32_t>(), state.stepsSinceReset = in->value<int32_t>();
+    state.gain = in->value<double>(), state.step = in->value<int32_t>(), state.stepsSinceReset = in->value<int32_t>();
     state.seconds = in->value<double>(), state.nextTrack = in->value<double>();
     in->array(state.history), in->array(state.lights), in->array(state.parts);
     if (in->failed || !trainer.load(*in) || in->remaining() != 0 || state.step < 0) return bad("checkpoint does not fit this model");

@@ -14,6 +14,7 @@ namespace nacre {
 struct BakeState {
     int32_t step = 0;
     int32_t stepsSinceReset = 0;  // of the trainer's statistics
+    double gain = 1;              // of the lights that it learns under; follows from pixels, which a pack rounds
     double seconds = 0;           // training time so far
     double nextTrack = 0;         // progress at which the next one is due
     std::vector<HistoryPoint> history;
@@ -22,7 +23,7 @@ struct BakeState {
 };
 
 /// Everything that shapes the result, as lines: model, quality, seed, caps, schedule, and a hash of the dataset. `options` as withDefaults
-/// leaves them.
+/// leaves them; `dataset` is as it was stated, before pixels have a say in its frame and lights.
 std::string bakeIdentity(const OlatDataset& dataset, const OlatSplit& split, const BakeOptions& options);
 
 /// Of two identities: what the first has and the second has not, in words.
@@ -37,6 +38,8 @@ Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::
 
 /// The images that the interrupted bake does without, so that it goes on without them whatever has become of the files.
 Result<std::vector<UnusableImage>> skippedImages(std::span<const std::byte> checkpoint);
+/// BakeState::gain, which must be known before there is a trainer.
+Result<double> learningGainOf(std::span<const std::byte> checkpoint);
 
 /// When the next checkpoint is due.
 class CheckpointPace {

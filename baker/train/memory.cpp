@@ -1,6 +1,7 @@
 #include "train/memory.h"
 
 #include "appearance/trainable.h"
+#include "base/text.h"
 #include "train/preparation.h"
 
 #include <algorithm>
@@ -49,8 +50,8 @@ Result<size_t> imageBudget(size_t memoryBytes, const OlatDataset& dataset, const
     const size_t other = kElse + step + kBytesPerSplat * size_t(bakeSplats(options)) + kBytesPerDescription * images;
     const size_t needed = other + kLeastImages * image;
     if (memoryBytes < needed) {
-        const auto gigabytes = [](double bytes) { return std::to_string(std::ceil(bytes / 1e7) / 100).substr(0, 5); };
-        return Error{ErrorCode::kBadInput, "a memory of " + gigabytes(double(memoryBytes)) + " GB is too little for images of this size and number, which need " + gigabytes(double(needed)) +
+        return Error{ErrorCode::kBadInput, "a memory of " + numberText(double(memoryBytes) / 1e9) + " GB is too little for images of this size and number, which need " +
+                                               numberText(std::ceil(double(needed) / 1e7) / 100) +
                                                " GB (--memory, --max-splats, or smaller images)"};
     }
     const double share = options.track == BakeOptions::Track::kNever ? 1.0 : 0.8; // measureHeldOut has a quarter as much

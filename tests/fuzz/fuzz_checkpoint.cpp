@@ -39,6 +39,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size)
         nacre::Trainer trainer = makeTrainer(model);
         (void)nacre::decodeCheckpoint(bytes, "1", trainer);
         (void)nacre::skippedImages(bytes);
+        (void)nacre::learningGainOf(bytes);
     }
     return 0;
 }

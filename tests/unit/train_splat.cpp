@@ -327,7 +327,7 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         train(trainer, 1, 20);
         trainer.densify(30);
         BakeState before;
-        before.step = 20, before.stepsSinceReset = 3, before.seconds = 1.5;
+        before.gain = 2.5, before.step = 20, before.stepsSinceReset = 3, before.seconds = 1.5;
         before.history.push_back({1.0, 10, 60, 20.0, 15.0});
         const std::vector<std::byte> bytes = encodeCheckpoint("--seed 77\n", {{"a.png", "a.png: cut off"}}, before, trainer);
         const std::vector<float> picture = pictureOf(trainer);
@@ -337,6 +337,7 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         auto after = decodeCheckpoint(bytes, "--seed 77\n", resumed);
         REQUIRE(bool(after));
         CHECK(after->step == 20);
+        CHECK(after->gain == 2.5);
         CHECK(after->stepsSinceReset == 3);
         CHECK(after->history.size() == 1);
         CHECK(pictureOf(resumed) == picture); // lights may be refined, or held-out views evaluated, before the first step
@@ -346,6 +347,7 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         const auto other = decodeCheckpoint(bytes, "--seed 78\n", resumed);
         REQUIRE_FALSE(bool(other));
         CHECK(other.error().message.find("it has --seed 77, this one --seed 78") != std::string::npos);
+        CHECK(*learningGainOf(bytes) == 2.5);
         const auto skipped = skippedImages(bytes);
         REQUIRE(bool(skipped));
         REQUIRE(skipped->size() == 1);
