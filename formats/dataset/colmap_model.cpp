@@ -12,6 +12,8 @@
 
 #include <glm/gtc/quaternion.hpp>
 
+#include <array>
+
 namespace nacre {
 namespace {
 
@@ -55,12 +57,32 @@ Status checkImages(const ColmapModel& model, const std::string& imagesName)
     return ok();
 }
 
+/// The lines of a file, without comments and empty ones.
+struct Entries {
+    std::string_view text;
+    const std::string& name;
+    size_t number = 0; // of the line
+    bool next(std::string_view& line)
+    {
+        while (nextLine(text, line)) {
+            ++number;
+            if (!trimmed(line).empty() && !trimmed(line).starts_with('#')) return true;
+        }
+        return false;
+    }
+    void skipLine()
+    {
+        std::string_view line;
+        nextLine(text, line), ++number;
+    }
+    std::string where() const { return name + ": line " + std::to_string(number); }
+};
+
 Status readCamerasText(std::span<const std::byte> bytes, const std::string& name, ColmapModel& model)
 {
-    std::string_view text = asText(bytes), line;
-    for (size_t number = 1; nextLine(text, line); ++number) {
-        const std::string where = name + ": line " + std::to_string(number);
-        if (trimmed(line).empty() || trimmed(line).starts_with('#')) continue;
+    Entries entries{asText(bytes), name};
+    for (std::string_view line; entries.next(line);) {
+        const std::string where = entries.where();
         const auto id = integerOf<uint32_t>(nextWord(line));
         ColmapCamera camera;
         camera.modelName = oneLine(nextWord(line), 64);
@@ -78,10 +100,9 @@ Status readCamerasText(std::span<const std::byte> bytes, const std::string& name
 
 Status readImagesText(std::span<const std::byte> bytes, const std::string& name, ColmapModel& model)
 {
-    std::string_view text = asText(bytes), line;
-    for (size_t number = 1; nextLine(text, line); ++number) {
-        const std::string where = name + ": line " + std::to_string(number);
-        if (trimmed(line).empty() || trimmed(line).starts_with('#')) continue;
+    Entries entries{asText(bytes), name};
+    for (std::string_view line; entries.next(line);) {
+        const std::string where = entries.where();
         ColmapImage image;
         const auto id = integerOf<uint32_t>(nextWord(line));
         double v[7];
@@ -98,7 +119,7 @@ Status readImagesText(std::span<const std::byte> bytes, const std::string& name,
         image.camera = *camera;
         if (const auto wrong = setPose(image, v, v + 4)) return bad(where, "expected " + wrong->expected + ", found " + wrong->found);
         model.images.push_back(std::move(image));
-        nextLine(text, line), ++number; // the points, an empty line among them
+        entries.skipLine(); // the points, an empty line among them
     }
     return checkImages(model, name);
 }
@@ -130,38 +151,28 @@ Status readCamerasBinary(std::span<const std::byte> bytes, const std::string& na
 
 Status readImagesBinary(std::span<const std::byte> bytes, const std::string& name, ColmapModel& model)
 {
-    constexpr size_t kPointBytes = 24;
-    size_t at = 0;
-    const auto take = [&](auto& value) {
-        if (bytes.size() - at < sizeof value) return false;
-        std::memcpy(&value, bytes.data() + at, sizeof value);
-        at += sizeof value;
-        return true;
-    };
-    uint64_t count = 0;
-    bool isWhole = take(count);
-    for (uint64_t i = 0; i < count && isWhole; ++i) {
+    constexpr size_t kPointBytes = 24, kLongestName = 4096;
+    ByteReader in(bytes);
+    const uint64_t count = in.value<uint64_t>();
+    for (uint64_t i = 0; i < count && !in.failed; ++i) {
         const std::string where = name + ": image " + std::to_string(i + 1) + " of " + std::to_string(count);
         ColmapImage image;
-        uint32_t id = 0;
-        double v[7];
-        uint64_t points = 0;
-        isWhole = take(id) && take(v) && take(image.camera);
-        if (!isWhole) break;
-        const std::string_view rest = asText(bytes.subspan(at));
-        const size_t end = rest.substr(0, 4097).find('\0');
-        if (end == std::string_view::npos && rest.size() > 4096) return bad(where, "a name without an end");
-        if (!(isWhole = end != std::string_view::npos)) break;
-        image.name = std::string(rest.substr(0, end));
-        if (image.name.empty()) return bad(where, "an empty name");
-        at += end + 1;
-        isWhole = take(points) && points <= (bytes.size() - at) / kPointBytes;
-        if (!isWhole) break;
-        at += size_t(points) * kPointBytes;
-        if (const auto wrong = setPose(image, v, v + 4)) return bad(where, "expected " + wrong->expected + ", found " + wrong->found);
+        in.value<uint32_t>(); // its number
+        const auto v = in.value<std::array<double, 7>>();
+        image.camera = in.value<uint32_t>();
+        while (const char c = in.value<char>()) {
+            image.name.push_back(c);
+            if (image.name.size() > kLongestName) return bad(where, "a name without an end");
+        }
+        if (!in.failed && image.name.empty()) return bad(where, "an empty name");
+        const auto points = in.value<uint64_t>();
+        in.failed = in.failed || points > in.remaining() / kPointBytes;
+        if (in.failed) break;
+        in = ByteReader(bytes.last(in.remaining() - size_t(points) * kPointBytes));
+        if (const auto wrong = setPose(image, v.data(), v.data() + 4)) return bad(where, "expected " + wrong->expected + ", found " + wrong->found);
         model.images.push_back(std::move(image));
     }
-    if (!isWhole) return bad(name, "cut off: it says " + std::to_string(count) + " images and has " + std::to_string(model.images.size()));
+    if (in.failed) return bad(name, "cut off: it says " + std::to_string(count) + " images and has " + std::to_string(model.images.size()));
     return checkImages(model, name);
 }
 

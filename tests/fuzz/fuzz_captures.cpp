@@ -6,12 +6,11 @@
 #include "interchange/matrix_file.h"
 
 #include "dataset_matrix_builders.h"
+#include "dataset_promises.h"
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
 #include <iterator>
 #include <set>
@@ -21,13 +20,6 @@ using namespace nacre;
 namespace {
 
 using Files = std::map<std::string, Bytes>;
-
-void require(bool condition)
-{
-    if (!condition) std::abort();
-}
-
-void requireLine(const Error& error) { require(!error.message.empty() && error.message.size() < 3000 && error.message.find('\n') == std::string::npos); }
 
 Files unpack(std::span<const std::byte> bytes)
 {
@@ -64,29 +56,6 @@ void pack(Bytes& out, const std::string& name, const std::string& text)
     pack(out, name, bytes);
 }
 
-void check(const OlatDataset& dataset)
-{
-    require(!dataset.splits.empty());
-    for (const OlatSplit& split : dataset.splits) {
-        require(!split.images.empty() && (split.files.empty() || split.files.size() == split.cameras.size()));
-        for (const Camera& c : split.cameras) {
-            require(c.width > 0 && c.height > 0 && c.fx > 0 && c.fy > 0 && std::isfinite(c.cx) && std::isfinite(c.cy));
-            const glm::dmat3 r(c.worldFromCamera), gram = glm::transpose(r) * r;
-            for (int i = 0; i < 3; i++)
-                for (int j = 0; j < 3; j++) require(std::fabs(gram[i][j] - (i == j ? 1.0 : 0.0)) < 1e-9);
-            require(glm::determinant(r) > 0 && glm::length(c.position()) < 2e9);
-        }
-        for (const FileCamera& f : split.files)
-            for (const double k : {f.k[0], f.k[1], f.k[2], f.k[3], f.k[4], f.k[5], f.p[0], f.p[1]}) require(std::isfinite(k));
-        for (const OlatImage& image : split.images) {
-            require(image.camera < split.cameras.size());
-            for (int i = 0; i < 3; i++)
-                require(std::isfinite(image.light.position[i]) && std::isfinite(image.light.directionToLight[i]) && std::isfinite(image.light.intensity[i]) &&
-                        image.light.intensity[i] >= 0 && std::isfinite(image.gain[i]) && image.gain[i] > 0);
-        }
-    }
-}
-
 void load(const Files& files)
 {
     DatasetSource source;
@@ -112,9 +81,7 @@ void load(const Files& files)
         if (*name == 't') source.descriptions.push_back({"", "train", *json});
         else source.lights = Description{"", "train", *json};
     }
-    const Result<OlatDataset> dataset = loadFrom(source);
-    if (dataset) check(*dataset);
-    else requireLine(dataset.error());
+    requirePromises(loadFrom(source));
 }
 
 void checkMatrix(const Matrix& m) { require(m.values.size() == m.rows * m.columns); }

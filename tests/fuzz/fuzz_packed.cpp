@@ -1,24 +1,18 @@
 // Any bytes as the description of a packed dataset, and as its pixels: a dataset that keeps its promises, or an error of one line.
 #include "dataset/packed_images.h"
+#include "dataset_promises.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdlib>
 #include <cstring>
 
 using namespace nacre;
-
-static void require(bool condition)
-{
-    if (!condition) std::abort();
-}
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size)
 {
     const auto bytes = std::as_bytes(std::span(data, size));
     const auto dataset = decodePackedDescription(bytes, "fuzz", 4096);
     if (!dataset) {
-        require(!dataset.error().message.empty() && dataset.error().message.size() < 2000 && dataset.error().message.find('\n') == std::string::npos);
+        requireLine(dataset.error());
         return 0;
     }
     std::vector<std::byte> pixels(4096);
