@@ -9,7 +9,7 @@ packages=(
     libtbb-dev libhwy-dev libembree-dev libcli11-dev                                # baker and command line
     libgl-dev libopengl-dev libegl-dev libegl-mesa0 libgl1-mesa-dri libosmesa6-dev libgles-dev  # headless OpenGL
     libglfw3-dev libimgui-dev                                                       # samples/viewer
-    doctest-dev xvfb xauth                                                          # tests
+    doctest-dev libboost-context-dev xvfb xauth                                      # tests
 )
 missing=()
 for package in "${packages[@]}" "$@"; do
