@@ -78,7 +78,7 @@ public:
     void resize(Device& device, size_t count)
     {
         if (count > capacity_) {
-            Buffer larger;
+            Buffer larger = Buffer();
             larger.reserve(device, count);
             device.copyWithin(larger.data_, data_, size_ * sizeof(T));
             *this = std::move(larger);

@@ -34,6 +34,7 @@ struct Stack {
 /// Runs blocks one after the other, on one thread of the process. Fibers outlive the threads they run: their stacks are made once.
 class BlockRun {
 public:
+    ~BlockRun();
     void run(const Emulation& emulation, const KernelCall& call, uint32_t block);
 
     // Of the running fiber.
@@ -61,6 +62,7 @@ public:
 
 private:
     enum class State : uint8_t { kFresh, kReady, kAtBarrier, kAtWarp, kDone };
+    struct Ended {}; // thrown where a thread waits for what will not come
     struct Worker {
         ctx::stack_context stack{};
         ctx::fiber self, main;
@@ -107,6 +109,7 @@ private:
         Lane& lane = lanes_[thread];
         lane.state = state;
         toMain(*lane.worker);
+        if (ends_) throw Ended{};
     }
 
     void toMain(Worker& w)
@@ -130,7 +133,7 @@ private:
 #ifdef __SANITIZE_ADDRESS__
         __sanitizer_finish_switch_fiber(fake, nullptr, nullptr);
 #endif
-        if (fault_) std::rethrow_exception(std::exchange(fault_, nullptr));
+        if (fault_ && !ends_) std::rethrow_exception(std::exchange(fault_, nullptr));
     }
 
     Worker* idleWorker()
@@ -146,13 +149,18 @@ private:
                 for (;;) {
                     try {
                         call_.call(call_.kernel, Thread(*this, w->thread, call_.threads, block_, call_.blocks));
-                    } catch (const KernelFault&) { // anything else, above all the unwinding of a fiber, passes
+                    } catch (const Ended&) {
+                    } catch (const KernelFault&) {
                         fault_ = std::current_exception();
                     }
                     lanes_[w->thread].state = State::kDone;
                     idle_.push_back(w);
                     toMain(*w);
+                    if (ends_) break;
                 }
+#ifdef __SANITIZE_ADDRESS__
+                __sanitizer_start_switch_fiber(nullptr, mainStack_, mainStackBytes_);
+#endif
                 return std::move(w->main);
             });
             idle_.push_back(w);
@@ -179,9 +187,20 @@ private:
     std::vector<Worker*> idle_;
     std::vector<std::max_align_t> shared_;
     std::exception_ptr fault_;
+    bool ends_ = false;
     const void* mainStack_ = nullptr;
     size_t mainStackBytes_ = 0;
 };
+
+// Leaves each fiber by its own frames: first the threads that still wait, then the loops around them.
+BlockRun::~BlockRun()
+{
+    ends_ = true;
+    for (uint32_t thread = 0; thread < lanes_.size(); ++thread)
+        if (lanes_[thread].state != State::kFresh && lanes_[thread].state != State::kDone) toWorker(*lanes_[thread].worker);
+    for (const std::unique_ptr<Worker>& w : workers_)
+        if (w->self) toWorker(*w);
+}
 
 // Once nobody can go on: all threads wait at the same barrier, or the kernel is faulty.
 bool BlockRun::releaseBarrier()
