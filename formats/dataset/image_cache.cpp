@@ -161,6 +161,7 @@ struct ImageCache::State {
     ColorSpace colorSpace;
     bool colorSpaceIsGuess, premultiplied, straightPng;
     float blackLevel, whiteLevel;
+    bool exrHasLevels; // beside photographs in PNG or JPEG, whose levels they are, EXR files are renders
     int shrink;
     std::shared_ptr<const PackedImages> packed;
     size_t budgetBytes;
@@ -183,7 +184,9 @@ struct ImageCache::State {
         Result<Image> image = readImageFile(path, &words);
         if (!image || isMask) return image;
         const bool isExr = imageKind(path) == ImageKind::kExr;
-        Encoding encoding{ColorSpace::kLinear, premultiplied, blackLevel, whiteLevel > 0 ? whiteLevel : isExr ? std::numeric_limits<float>::infinity() : 1.0f, gain};
+        const bool hasLevels = !isExr || exrHasLevels;
+        Encoding encoding{ColorSpace::kLinear, premultiplied, hasLevels ? blackLevel : 0.0f,
+                          hasLevels && whiteLevel > 0 ? whiteLevel : isExr ? std::numeric_limits<float>::infinity() : 1.0f, gain};
         if (!isExr)
             encoding.colorSpace = colorSpaceOf(words.color, colorSpace, colorSpaceIsGuess, path, note), encoding.premultiplied = premultiplied && !straightPng;
         if (words.orientation != 1)
@@ -232,12 +235,12 @@ struct ImageCache::State {
         if (!image) return image;
         if (!entry.ambientPath.empty()) {
             const auto ambient = readExtra(entry.ambientPath, entry.gain, false, *image);
-            if (!ambient) return ambient.error();
+            if (!ambient) return Error{ambient.error().code, entry.path + ": its ambient image cannot be used: " + ambient.error().message};
             subtractAmbient(*image, **ambient);
         }
         if (!entry.maskPath.empty()) {
             const auto mask = readExtra(entry.maskPath, entry.gain, true, *image);
-            if (!mask) return mask.error();
+            if (!mask) return Error{mask.error().code, entry.path + ": its mask cannot be used: " + mask.error().message};
             applyMask(*image, **mask);
         }
         if (file) {
@@ -295,6 +298,9 @@ ImageCache::ImageCache(const OlatDataset& dataset, size_t budgetBytes) : state_(
     state_->straightPng = dataset.straightPng;
     state_->blackLevel = dataset.blackLevel;
     state_->whiteLevel = dataset.whiteLevel;
+    state_->exrHasLevels = true;
+    for (const OlatSplit& split : dataset.splits)
+        for (const OlatImage& image : split.images) state_->exrHasLevels = state_->exrHasLevels && imageKind(image.path) == ImageKind::kExr;
     state_->shrink = dataset.shrink;
     state_->packed = dataset.packed;
     state_->budgetBytes = budgetBytes;

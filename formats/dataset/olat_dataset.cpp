@@ -158,6 +158,19 @@ Status checkMissing(const DatasetSource& source, OlatDataset& dataset)
     return source.firstMismatch();
 }
 
+/// A photograph without a mask says that all it shows is the object.
+void checkMasks(OlatDataset& dataset)
+{
+    for (const OlatSplit& split : dataset.splits) {
+        const auto isBare = [](const OlatImage& image) { return image.maskPath.empty(); };
+        const auto bare = std::count_if(split.images.begin(), split.images.end(), isBare);
+        if (bare == 0 || size_t(bare) == split.images.size()) continue;
+        dataset.warnings.push_back(std::to_string(bare) + " of " + std::to_string(split.images.size()) + " images of split " + inQuotes(split.name) + " have no mask, unlike the others; the first is " +
+                                   inQuotes(std::find_if(split.images.begin(), split.images.end(), isBare)->path) +
+                                   ": their own alpha counts, which is 1 everywhere in a photograph; give all of them masks, or leave them out");
+    }
+}
+
 /// Each file goes by its kind, unless the description says otherwise. Only formats that ImageCache reads.
 Status decideColors(const DatasetSource& source, OlatDataset& dataset)
 {
@@ -222,6 +235,7 @@ Result<OlatDataset> loadFrom(const DatasetSource& source)
         if (Status s = decideColors(source, dataset); !s) return s.error();
         if (Status s = checkSizes(source, dataset); !s) return s.error();
         checkIntrinsics(dataset);
+        checkMasks(dataset);
         return dataset;
     }
     return Error{ErrorCode::kBadInput, inQuotes(source.path) + ": frames have none of the keys light, light_position, light_direction, pl_pos, file_paths, and there is no lights.csv or "

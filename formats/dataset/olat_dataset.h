@@ -59,7 +59,7 @@ struct OlatDataset {
     bool straightPng = false;       // PNG files beside EXR ones: straight, whatever `premultiplied` says
     glm::vec3 up{0, 0, 1};          // which world axis is up
     AssetFrame frame;               // of the cameras and lights below in what the files state (normalise.h)
-    float blackLevel = 0;           // file value, 0 to 1, that is black
+    float blackLevel = 0;           // file value, 0 to 1, that is black; this and the next of PNG and JPEG files, of EXR ones if there are no others
     float whiteLevel = 0;           // file value from which a channel is saturated; 0: the largest of an 8- or 16-bit file, none of an EXR
     bool backgroundInView = false;  // files show the surroundings and have no masks: the alpha of all pixels is 1 and means nothing
     LightRig rig = LightRig::kFixed;

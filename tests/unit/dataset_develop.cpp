@@ -146,6 +146,7 @@ TEST_CASE("exposure, black level, ambient light and masks are undone while loadi
     ImageCache cache(dataset, 0);
     const auto wrong = cache.load(dataset.splits[0], 0);
     REQUIRE(!wrong);
+    CHECK(wrong.error().message.find("a.exr: its mask cannot be used: ") != std::string::npos);
     CHECK(wrong.error().message.find("mask.png") != std::string::npos);
 }
 
@@ -189,6 +190,20 @@ TEST_CASE("frames that share files and are developed differently each get their 
         REQUIRE_MESSAGE(image, image.error().message);
         CHECK((*image)->width == (i ? 2 : 4));
     }
+}
+
+TEST_CASE("levels are those of photographs: of EXR files only where there are no others")
+{
+    TempFolder folder;
+    OlatDataset dataset = oneImage(folder, flat(0.5f));
+    dataset.blackLevel = 0.25f, dataset.whiteLevel = 0.4f;
+    dataset.splits[0].images[0].gain = glm::vec3(0.5f);
+    CHECK(loadFirst(dataset).rgba[3] == kUnknownAlpha);
+    REQUIRE(writePng(folder.file("photo.png"), 4, 4, 3, std::vector<uint8_t>(48, 160)));
+    dataset.splits.push_back(dataset.splits[0]);
+    dataset.splits[1].images[0].path = folder.file("photo.png");
+    CHECK(loadFirst(dataset).rgba[0] == doctest::Approx(0.25f).epsilon(1e-3));
+    CHECK((*ImageCache(dataset, 0).load(dataset.splits[1], 0))->rgba[3] == kUnknownAlpha);
 }
 
 TEST_CASE("a saturated pixel is white at least, or unknown where the gain makes less of it")
@@ -252,6 +267,26 @@ TEST_CASE("descriptions say how photographs were taken, and nonsense is refused 
         CHECK(refused.error().message.find("top level") != std::string::npos);
     }
     CHECK(!description({{"background", {1, 1, 1}}}, json::object()));
+}
+
+TEST_CASE("some images with masks and some without are a warning that counts them")
+{
+    TempFolder folder;
+    REQUIRE(writeExr(flat(0.5f), folder.file("a.exr")));
+    REQUIRE(writePng(folder.file("m.png"), 4, 4, 3, std::vector<uint8_t>(48, 255)));
+    for (const int masked : {0, 1, 3}) {
+        json frames;
+        for (int i = 0; i < 3; ++i) {
+            frames.push_back({{"file_path", "a.exr"}, {"transform_matrix", {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 3}, {0, 0, 0, 1}}},
+                              {"light", {{"type", "point"}, {"position", {0, 1, 3}}, {"intensity", 4}}}});
+            if (i < masked) frames.back()["mask_path"] = "m.png";
+        }
+        folder.writeText("transforms_train.json", json{{"camera_angle_x", 0.6}, {"width", 4}, {"height", 4}, {"frames", frames}}.dump());
+        const auto dataset = loadDataset(folder.path.string());
+        REQUIRE_MESSAGE(dataset, dataset.error().message);
+        CHECK(dataset->warnings.size() == (masked == 1));
+        if (masked == 1) CHECK(dataset->warnings[0].find("2 of 3 images of split 'train' have no mask") != std::string::npos);
+    }
 }
 
 TEST_CASE("a lens that bends most of the picture back is a warning, one that a photograph can have is none")
