@@ -19,6 +19,14 @@ NACRE_HD inline void sssLayerBackward(const T* weight, const T* in, int inputs, 
     }
 }
 
+/// Through the logistic functions at the ends. dEnd [3], dShareEnd: gradient of what goes into them.
+template <class T>
+NACRE_HD inline void sssEndsBackward(const T* residual, T share, const T* dResidual, T dShare, T* dEnd, T* dShareEnd)
+{
+    for (int c = 0; c < 3; ++c) dEnd[c] = dResidual[c] * residual[c] * (T(1) - residual[c]);
+    *dShareEnd = dShare * share * (T(1) - T(0.5) * share); // of 2 logistic(x)
+}
+
 /// Adds the gradient of one Gaussian under one light. `a` from sssNetworkLight. dFirst [64]: of sssNetworkFixed's result, which
 /// holds the bias as well; dLight [8].
 template <class T>
@@ -30,11 +38,11 @@ NACRE_HD inline void sssNetworkLightBackward(const T* w, const T* first, const T
         for (int k = 0; k < n; ++k) d[k] *= h[k] > T(0) ? T(1) : T(kSssLeak);
     };
     T d1[kSssHidden1] = {}, d2[kSssHidden2] = {}, d3[kSssHidden3] = {}, ds[kSssHiddenShare] = {}, dr[3];
-    const T dOut = dShare * a.share * (T(1) - T(0.5) * a.share); // of 2 logistic(x)
+    T dOut;
+    sssEndsBackward(a.residual, a.share, dResidual, dShare, dr, &dOut);
     sssLayerBackward(w + kSssShareOut, a.hs, kSssHiddenShare, 1, &dOut, dWeights + kSssShareOut, dWeights + kSssShareOutBias, ds);
     rectifier(a.hs, ds, kSssHiddenShare);
     sssLayerBackward(w + kSssShare, a.h3, kSssHidden3, kSssHiddenShare, ds, dWeights + kSssShare, dWeights + kSssShareBias, d3);
-    for (int c = 0; c < 3; ++c) dr[c] = dResidual[c] * a.residual[c] * (T(1) - a.residual[c]);
     sssLayerBackward(w + kSssResidual, a.h3, kSssHidden3, 3, dr, dWeights + kSssResidual, dWeights + kSssResidualBias, d3);
     rectifier(a.h3, d3, kSssHidden3);
     sssLayerBackward(w + kSssThird, a.h2, kSssHidden2, kSssHidden3, d3, dWeights + kSssThird, dWeights + kSssThirdBias, d2);
