@@ -2,13 +2,13 @@
 #include "render/tiles.h"
 
 #include "render/project_gaussians.h"
+#include "render/tile_cover.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 
 namespace nacre {
 
@@ -54,31 +54,10 @@ void TileBuilder::sort()
     });
 }
 
-namespace {
-
-struct Span { float lo, hi; };
-
-/// The x range (relative to the mean) that the ellipse q <= qMax covers between the rows y0 <= dy <= y1. Empty if lo > hi.
-/// `yRight` is where it reaches furthest right; furthest left is the mirror image.
-Span ellipseSpan(const ProjectedGaussian<float>& s, float qMax, float yRight, float y0, float y1)
-{
-    if (y0 > s.extent[1] || y1 < -s.extent[1]) return {1, 0};
-    const float a = s.conic[0], b = s.conic[1], c = s.conic[2];
-    const float yr = std::clamp(yRight, y0, y1), yl = std::clamp(-yRight, y0, y1);
-    const auto branch = [&](float y, float sign) {
-        const float discriminant = (b * y) * (b * y) - a * (c * y * y - qMax);
-        return (-b * y + sign * std::sqrt(std::max(discriminant, 0.0f))) / a;
-    };
-    return {branch(yl, -1.0f), branch(yr, 1.0f)};
-}
-
-} // namespace
-
 void TileBuilder::bin()
 {
     const size_t n = visible.count(), chunkCount = (n + kChunk - 1) / kChunk;
     if (chunks_.size() < chunkCount) chunks_.resize(chunkCount);
-    const int blocksX = tiles.tilesX * (kTileSize / kBlockSize);
 
     // Which tiles, and which blocks in them, each splat touches.
     tbb::parallel_for(size_t(0), chunkCount, [&](size_t k) {
@@ -86,32 +65,12 @@ void TileBuilder::bin()
         chunk.pairTile.clear(), chunk.pairMask.clear(), chunk.pairCount.clear();
         for (size_t v = k * kChunk; v < std::min(n, (k + 1) * kChunk); ++v) {
             const ProjectedGaussian<float>& s = visible.projected[v];
-            const float slack = 0.01f; // pixels: rounding in the span must not lose a pixel on the rim
-            const float qMax = 2.0f * std::log(s.opacity / kMinAlpha), yRight = -s.conic[1] / s.conic[2] * s.extent[0];
-            const int tileY0 = int(std::max(0.0f, s.mean[1] - s.extent[1])) / kTileSize;
-            const int tileY1 = int(std::min(float(tiles.height - 1), s.mean[1] + s.extent[1])) / kTileSize;
+            const TileCover cover = tileCover(s, tiles.height);
             const size_t before = chunk.pairTile.size();
-            for (int ty = tileY0; ty <= tileY1; ++ty) {
-                int first[4], last[4], tileX0 = tiles.tilesX, tileX1 = -1;
-                for (int r = 0; r < 4; ++r) {
-                    const float y0 = float(ty * kTileSize + r * kBlockSize) + 0.5f - s.mean[1];
-                    const Span span = ellipseSpan(s, qMax, yRight, y0 - slack, y0 + float(kBlockSize - 1) + slack);
-                    // pixel centres x + 0.5 inside [lo, hi]
-                    const float lo = std::max(0.0f, s.mean[0] + span.lo - 0.5f - slack);
-                    const float hi = std::min(float(tiles.width - 1), s.mean[0] + span.hi - 0.5f + slack);
-                    first[r] = 1, last[r] = 0;
-                    if (!(lo <= hi)) continue;
-                    const int x0 = int(lo) + (float(int(lo)) < lo), x1 = int(hi); // ceil and floor: neither is negative, and neither is a call
-                    if (x0 > x1) continue;
-                    first[r] = x0 / kBlockSize, last[r] = std::min(blocksX - 1, x1 / kBlockSize);
-                    tileX0 = std::min(tileX0, first[r] / 4), tileX1 = std::max(tileX1, last[r] / 4);
-                }
-                for (int tx = tileX0; tx <= tileX1; ++tx) {
-                    uint32_t mask = 0;
-                    for (int r = 0; r < 4; ++r) {
-                        const int b0 = std::max(first[r] - 4 * tx, 0), b1 = std::min(last[r] - 4 * tx, 3);
-                        if (b0 <= b1) mask |= ((2u << b1) - (1u << b0)) << (4 * r);
-                    }
+            for (int ty = cover.tileY0; ty <= cover.tileY1; ++ty) {
+                const TileRow row = tileRow(s, cover, ty, tiles.width, tiles.tilesX);
+                for (int tx = row.tileX0; tx <= row.tileX1; ++tx) {
+                    const uint32_t mask = blockMask(row, tx);
                     if (!mask) continue;
                     chunk.pairTile.push_back(uint32_t(ty * tiles.tilesX + tx));
                     chunk.pairMask.push_back(mask);

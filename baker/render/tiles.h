@@ -4,22 +4,13 @@
 
 #include "base/radix_sort.h"
 #include "render/projection.h"
+#include "render/tile_entry.h"
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
 namespace nacre {
-
-constexpr int kTileSize = 16;                                   // pixels
-constexpr int kBlockSize = 4;                                   // pixels; a tile is 4x4 blocks
-constexpr int kTilePixels = kTileSize * kTileSize;
-
-struct TileEntry {
-    uint32_t visible;   // index into the visible list
-    uint32_t tile;
-    uint32_t blockMask; // bit 4*row + column: the splat reaches kMinAlpha somewhere in that block
-};
 
 struct VisibleSplats {                                          // sorted front to back; equal distances by splat index
     std::vector<uint32_t> splatFromVisible;
