@@ -12,6 +12,7 @@
 // Photographs that the table does not name are left out. Without a split in any line, every tenth photograph by name is held out as "test".
 #include "dataset/loader.h"
 
+#include "base/exact_position.h"
 #include "interchange/text_lines.h"
 
 #include <algorithm>
@@ -108,7 +109,7 @@ void readCsvRow(const DatasetSource& source, CsvRow& csv, Row& row)
     if (position) {
         for (int k = 0; k < 3; ++k)
             if (!(std::fabs((*position)[k]) < kFarthest)) csv.fault = "expected coordinates below 1e9";
-        light.position = glm::vec3(*position), light.positionRest = glm::vec3(*position - glm::dvec3(light.position));
+        setExactPosition(light, *position);
     }
     if (direction && !setDirection(light, *direction)) csv.fault = "the direction 0, 0, 0";
     row.hasLight = position || direction;
@@ -249,8 +250,7 @@ Status lightPhotos(const DatasetSource& source, std::vector<Photo> photos, OlatD
             withIntensity += row->hasIntensity;
         }
         if (!row || !row->hasLight) {
-            const glm::dvec3 position = photo.camera.position();
-            photo.image.light.position = glm::vec3(position), photo.image.light.positionRest = glm::vec3(position - glm::dvec3(photo.image.light.position));
+            setExactPosition(photo.image.light, photo.camera.position());
         }
         photo.image.path = photo.path;
         withSplit += !photo.split.empty();

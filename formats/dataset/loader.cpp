@@ -1,6 +1,7 @@
 // Helpers that all dataset loaders share: poses, intrinsics, lights, files.
 #include "dataset/loader.h"
 
+#include "base/exact_position.h"
 #include "dataset/normalise.h"
 #include "interchange/image_file.h"
 #include "interchange/matrix_file.h"
@@ -148,8 +149,8 @@ glm::vec3 readVec3(const JsonNode& node)
 void readLightPosition(const JsonNode& node, Light& light)
 {
     const std::vector<double> v = node.numbers(3);
-    light.position = readVec3(node);
-    for (int k = 0; k < 3; ++k) light.positionRest[k] = float(v[size_t(k)] - double(light.position[k]));
+    readVec3(node); // checks them
+    setExactPosition(light, {v[0], v[1], v[2]});
 }
 
 glm::vec3 readIntensity(const JsonNode& node)

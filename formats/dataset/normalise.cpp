@@ -1,5 +1,8 @@
 #include "dataset/normalise.h"
 
+#include "base/exact_position.h"
+#include "base/text.h"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -22,8 +25,6 @@ double median(std::vector<double> values)
     std::nth_element(values.begin(), middle, values.end());
     return *middle;
 }
-
-glm::dvec3 exactPosition(const Light& light) { return glm::dvec3(light.position) + glm::dvec3(light.positionRest); }
 
 const std::vector<OlatSplit> trainOrAll(const std::vector<OlatSplit>& splits)
 {
@@ -159,6 +160,12 @@ Result<OlatDataset> normalised(const OlatDataset& dataset)
         if (*reflectance && !(**reflectance >= kLeastReflectance && **reflectance <= kMostReflectance))
             step.lightGain = **reflectance / kUsualReflectance;
     }
+    const auto sane = [](double x) { return x >= 1.0 / kFarthestUnit && x <= kFarthestUnit; };
+    if (!sane(dataset.frame.lightGain * step.lightGain))
+        return Error{ErrorCode::kBadInput, "dataset '" + dataset.path + "': the object is " + numberText(float(step.lightGain)) +
+                                               " times as bright as its lights usually make one; check the exposure of the images and the unit of the lights"};
+    if (!sane(dataset.frame.scale * step.scale))
+        return Error{ErrorCode::kBadInput, "dataset '" + dataset.path + "': the object is " + numberText(float(step.scale)) + " units large; check the unit of the cameras"};
     OlatDataset out = dataset;
     if (step == AssetFrame{}) return out;
     out.frame = {dataset.frame.scale * step.scale, dataset.frame.positionInDataset(step.translation), dataset.frame.lightGain * step.lightGain};

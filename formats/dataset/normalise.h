@@ -29,9 +29,10 @@ Result<std::optional<double>> apparentReflectance(const OlatDataset& dataset, co
 constexpr double kLeastReflectance = 0.003, kMostReflectance = 1.5;
 constexpr double kLeastAgreement = 0.6; // of shading with the lights: right data above; lights of other images up to 0.5, when all are above the object
 constexpr double kUsualReflectance = 0.25; // what a dataset beyond them is brought to
+constexpr double kFarthestUnit = 1e25;     // units of light and length that far from usual ones are damage; an asset holds up to 1e30
 
 /// The dataset in the frame that it is baked in: `frame` says which (joined to the one it already has). Datasets with an object of about
-/// unit size near the origin and plausible lights stay as they are.
+/// unit size near the origin and plausible lights stay as they are. Error kBadInput: units beyond kFarthestUnit.
 Result<OlatDataset> normalised(const OlatDataset& dataset);
 
 } // namespace nacre

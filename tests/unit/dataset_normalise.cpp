@@ -151,3 +151,14 @@ TEST_CASE("one viewpoint, or parallel cameras: the object is in front of them, a
     CHECK(larger.halfSize == doctest::Approx(1000 * framing.halfSize).epsilon(1e-4));
     CHECK(glm::distance(larger.centre, 1000.0 * framing.centre + 300.0) < 0.1);
 }
+
+TEST_CASE("units that no capture has are an error before the bake, not an asset that cannot be written after it")
+{
+    TempFolder folder;
+    for (const double intensity : {1e-30, 1e28}) {
+        writeVariant(folder, "odd", {1, intensity});
+        const auto out = normalised(load(folder, "odd"));
+        REQUIRE_FALSE(out);
+        checkError(out.error(), ErrorCode::kBadInput, {"odd", "as bright", "exposure", "unit of the lights"});
+    }
+}

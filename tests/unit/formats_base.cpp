@@ -5,6 +5,7 @@
 #include "base/file.h"
 #include "appearance/bigs/bigs.h"
 #include "appearance/sss/sss.h"
+#include "base/exact_position.h"
 #include "base/light.h"
 #include "base/fibonacci_sphere.h"
 #include "base/spherical_harmonics.h"
@@ -435,4 +436,13 @@ TEST_CASE("a byte that is neither true nor false is an error, not a bool")
         CHECK(in.failed == (byte > 1));
         CHECK(value == (byte == 1));
     }
+}
+
+TEST_CASE("a position keeps the digits that float32 rounds away, in x, y and z")
+{
+    std::vector<Light> lights(3);
+    const glm::dvec3 exact[] = {{1.000001, 2.000001, 3.000002}, {1e6 + 0.01, -1e6 + 0.02, 3e7 + 0.03}, {0.1, 0.2, 0.3}};
+    for (size_t i = 0; i < 3; ++i) setExactPosition(lights[i], exact[i]);
+    for (size_t i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k) CHECK(std::abs(exactPosition(lights[i])[k] - exact[i][k]) <= 1e-14 * std::abs(exact[i][k]));
 }

@@ -9,6 +9,7 @@
 // neither these views nor these lights.
 #include "dataset/loader.h"
 
+#include "base/exact_position.h"
 #include "interchange/image_file.h"
 #include "interchange/matrix_file.h"
 #include "interchange/text_lines.h"
@@ -81,7 +82,7 @@ Status readLightSet(const DatasetSource& source, const std::string& folder, int 
     const glm::dvec3 position(place->at(0, 3), place->at(1, 3), place->at(2, 3));
     for (int k = 0; k < 3; ++k)
         if (!(std::fabs(position[k]) < 1e9)) return Error{ErrorCode::kBadInput, source.pathOf(folder + "/light.txt") + ": expected coordinates below 1e9"};
-    light.position = glm::vec3(position), light.positionRest = glm::vec3(position - glm::dvec3(light.position));
+    setExactPosition(light, position);
 
     Camera camera;
     std::optional<FileCamera> file;
