@@ -36,6 +36,7 @@ Action addRender(CLI::App& app);
 Action addInfo(CLI::App& app);
 Action addPack(CLI::App& app);
 Action addPrepare(CLI::App& app);
+Action addSelftest(CLI::App& app);
 Action addSynth(CLI::App& app);
 
 /// Ctrl-C and SIGTERM from now on only set the returned flag; poll it between pieces of work.

@@ -71,7 +71,7 @@ bake=("$nacre" bake "$sample" --max-splats 400 --s-functions 4 --profile lossles
 echo "-- arguments"
 expect 0 "" "$nacre" --help
 expect 0 "" "$nacre" --version
-for command in synth prepare bake eval render convert info pack; do
+for command in synth prepare bake eval render convert info pack selftest; do
     expect 0 "" "$nacre" $command --help
     expect 2 "--nosuch" "$nacre" $command a b -o c --nosuch
 done
@@ -135,6 +135,9 @@ for bad in tripod stage:flash=5cm phone:spill=2 stage:gain=3mm phone:pose=nan; d
 done
 expect 2 "--like" "${synth[@]}" --capture phone --like "$sample"
 expect 2 "canonical" "${synth[@]}" --capture stage --convention plpos
+expect 2 "nosuch" "$nacre" selftest --only nosuch --no-gl
+expect 2 "no folder" "$nacre" selftest --json nosuch/a.json
+expect 2 "--random" "$nacre" selftest --random -1
 [ "$(ls | grep -v '^std' | wc -l)" = 0 ] || fail "refused commands left files: $(ls)"
 
 echo "-- datasets"
