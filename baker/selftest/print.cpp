@@ -130,7 +130,7 @@ std::string asMarkdown(const Report& report, const std::string& command, const s
     text += " known | bound and its reason |\n" + rule + "---|---|\n";
     for (const Row& row : report.rows) {
         text += "| " + row.name + " | " + row.quantity + " |";
-        for (const Cell& cell : row.cells) text += " " + cellText(cell) + " |";
+        for (const Cell& cell : row.cells) text.append(" ").append(cellText(cell)).append(" |");
         text += " " + knownText(row) + " | " + boundText(row) + " |\n";
     }
     if (!report.random.empty()) {
