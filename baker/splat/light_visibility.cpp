@@ -25,7 +25,7 @@ void drawShadow(const FlatSplat& s, float* image)
     const hn::ScalableTag<float> d;
     const ShadowReach r = shadowReach(s);
     const auto lanes = hn::Iota(d, 0.5f - s.x);
-    const auto limit = hn::Set(d, r.reach), one = hn::Set(d, 1.0f), most = hn::Set(d, 0.999f);
+    const auto limit = hn::Set(d, r.reach), one = hn::Set(d, 1.0f), most = hn::Set(d, kShadowMostAlpha);
     for (int y = r.y0; y <= r.y1; ++y) {
         const float dy = float(y) + 0.5f - s.y;
         const auto cy = hn::Set(d, s.c * dy * dy), by = hn::Set(d, s.b * dy);
@@ -58,9 +58,7 @@ namespace nacre {
 
 HWY_EXPORT(drawShadow);
 
-namespace {
-
-ShadowScene prepareScene(std::span<const GaussianGeometry<float>> splats)
+ShadowScene shadowScene(std::span<const GaussianGeometry<float>> splats)
 {
     ShadowScene scene;
     for (const GaussianGeometry<float>& g : splats) {
@@ -76,25 +74,29 @@ ShadowScene prepareScene(std::span<const GaussianGeometry<float>> splats)
     return scene;
 }
 
-/// The splats in front of a light as it sees them through one face of a cube around it, nearest first. Depth is the distance.
+std::vector<glm::vec3> lightsAmong(const ShadowScene& scene, std::span<const glm::vec3> lights)
+{
+    constexpr size_t kMostBytes = size_t(1) << 28, kMostLights = 512;
+    std::vector<glm::vec3> all, among;
+    for (const glm::vec3& light : lights)
+        if (glm::distance(light, scene.center) < scene.radius) all.push_back(light);
+    const size_t count = std::min({all.size(), kMostLights, std::max<size_t>(1, kMostBytes / scene.count())});
+    for (size_t k = 0; k < count; ++k) among.push_back(all[k * all.size() / count]);
+    return among;
+}
+
+namespace {
+
+/// The splats in front of a light as it sees them through one face of a cube around it, nearest first.
 void flattenFace(const ShadowScene& scene, const glm::vec3& light, int face, ShadowWorkspace& work)
 {
-    constexpr float kBeside = 0.2f; // of the distance: what lies farther beside the face than this is in front of it does not reach into it
-    const int along = face / 2;
-    const float sign = face % 2 ? -1.0f : 1.0f, focal = 0.5f * float(kShadowSize);
     work.flat.clear(), work.keys.clear(), work.order.clear(), work.splats.clear();
+    FlatSplat flat;
     for (size_t i = 0; i < scene.count(); ++i) {
-        const glm::vec3 p = scene.positions[i] - light;
-        const float distance = glm::length(p), z = sign * p[along];
-        if (!(z > kBeside * distance)) continue;
-        const float u = p[(along + 1) % 3] / z, v = p[(along + 2) % 3] / z;
-        glm::vec3 right(0), down(0); // gradient of u and v at the splat
-        right[(along + 1) % 3] = down[(along + 2) % 3] = 1;
-        right[along] = -sign * u, down[along] = -sign * v;
-        const float scale = focal / z;
+        if (!flatInFace(light, face, scene.positions[i], scene.axes[i], scene.opacities[i], flat)) continue;
         work.order.push_back(uint32_t(work.flat.size())), work.splats.push_back(uint32_t(i));
-        work.flat.push_back(flatSplat(focal * u + focal, focal * v + focal, distance, scale * right * scene.axes[i], scale * down * scene.axes[i], scene.opacities[i]));
-        work.keys.push_back(radixKey(distance));
+        work.flat.push_back(flat);
+        work.keys.push_back(radixKey(flat.depth));
     }
     radixSort<uint32_t>(work.keys, work.order, work.scratch);
 }
@@ -111,29 +113,17 @@ void drawFromLight(const ShadowScene& scene, const glm::vec3& light, ShadowWorks
         for (const uint32_t i : work.order) {
             const FlatSplat& s = work.flat[i];
             for (; work.flat[work.order[drawn]].depth < s.depth - scene.bias; ++drawn) draw(work.flat[work.order[drawn]], work.image.data());
-            if (s.x >= 0 && s.x <= kShadowSize && s.y >= 0 && s.y <= kShadowSize)
+            if (insideShadow(s, 0))
                 arrives[work.splats[i]] = uint8_t(std::lround(255 * readShadow(work.image.data(), s.x, s.y)));
         }
     }
 }
 
-/// Texel (u, v) of the map from a unit direction: the inverse of octahedralDirection, in texels from the first one's centre.
-glm::vec2 octahedralPlace(const glm::vec3& w, int size)
-{
-    return 0.5f * float(size) * (octahedralCoordinates(w) + 1.0f) - 0.5f;
-}
-
 /// Replaces the four texels that a splat looks up towards each light among the splats; where several lights meet, their mean.
 bool lookAtNearLights(const ShadowScene& scene, std::span<const glm::vec3> lights, int size, const std::function<bool()>& goOn, std::vector<uint8_t>& maps)
 {
-    constexpr size_t kMostBytes = size_t(1) << 28, kMostLights = 512; // lights are left out evenly beyond
-    std::vector<glm::vec3> all, near;
-    for (const glm::vec3& light : lights)
-        if (glm::distance(light, scene.center) < scene.radius) all.push_back(light);
+    const std::vector<glm::vec3> near = lightsAmong(scene, lights);
     const size_t n = scene.count(), texels = size_t(size) * size_t(size);
-    const size_t count = std::min({all.size(), kMostLights, std::max<size_t>(1, kMostBytes / n)});
-    for (size_t k = 0; k < count; ++k) near.push_back(all[k * all.size() / count]);
-
     std::vector<uint8_t> arrives(near.size() * n);
     tbb::enumerable_thread_specific<ShadowWorkspace> workspaces;
     const size_t atOnce = size_t(tbb::this_task_arena::max_concurrency());
@@ -146,12 +136,10 @@ bool lookAtNearLights(const ShadowScene& scene, std::span<const glm::vec3> light
     tbb::parallel_for(size_t(0), n, [&](size_t i) {
         std::vector<std::pair<uint32_t, uint32_t>> sums(texels); // of what arrives, and how many
         for (size_t l = 0; l < near.size(); ++l) {
-            const glm::vec3 toLight = near[l] - scene.positions[i];
-            if (!(glm::length(toLight) > scene.bias)) continue;
-            const glm::vec2 place = octahedralPlace(glm::normalize(toLight), size);
-            const int x = int(std::floor(place.x)), y = int(std::floor(place.y));
-            for (int j = 0; j < 4; ++j) {
-                auto& [sum, lightsHere] = sums[size_t(visibilityTexel(x + j % 2, y + j / 2, size))];
+            int looked[4];
+            if (!texelsTowards(near[l] - scene.positions[i], scene.bias, size, looked)) continue;
+            for (const int texel : looked) {
+                auto& [sum, lightsHere] = sums[size_t(texel)];
                 sum += arrives[l * n + i], ++lightsHere;
             }
         }
@@ -163,10 +151,9 @@ bool lookAtNearLights(const ShadowScene& scene, std::span<const glm::vec3> light
 
 } // namespace
 
-std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
-                                           std::span<const glm::vec3> lights, const std::function<bool()>& goOn)
+std::vector<uint8_t> visibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, const DrawVisibility& draw)
 {
-    if (!(ball.w > 0)) return lightVisibility(splats, size, oversample, lights, goOn);
+    if (!(ball.w > 0)) return draw(splats);
     std::vector<GaussianGeometry<float>> inside;
     std::vector<size_t> from;
     for (size_t i = 0; i < splats.size(); ++i) {
@@ -175,10 +162,16 @@ std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<cons
     }
     const size_t texels = size_t(size) * size_t(size);
     std::vector<uint8_t> maps;
-    if (!inside.empty() && (maps = lightVisibility(inside, size, oversample, lights, goOn)).empty()) return {};
+    if (!inside.empty() && (maps = draw(inside)).empty()) return {};
     std::vector<uint8_t> all(splats.size() * texels, 255);
     for (size_t k = 0; k < from.size(); ++k) std::copy_n(maps.begin() + ptrdiff_t(k * texels), texels, all.begin() + ptrdiff_t(from[k] * texels));
     return all;
+}
+
+std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
+                                           std::span<const glm::vec3> lights, const std::function<bool()>& goOn)
+{
+    return visibilityWithin(ball, splats, size, [&](std::span<const GaussianGeometry<float>> s) { return lightVisibility(s, size, oversample, lights, goOn); });
 }
 
 float visibilityBias(std::span<const GaussianGeometry<float>> splats) { return visibilityBias(medianSplatSize(splats)); }
@@ -189,7 +182,7 @@ std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> sp
     const size_t n = splats.size(), texels = size_t(size) * size_t(size);
     if (n == 0) return {};
     constexpr size_t kManySplats = 100000; // a texel of so many takes a tenth of a second
-    const ShadowScene scene = prepareScene(splats);
+    const ShadowScene scene = shadowScene(splats);
     std::vector<uint8_t> byTexel(texels * n), maps(n * texels);
     tbb::enumerable_thread_specific<ShadowWorkspace> workspaces;
     // Looked up at each call: the first one, which chooses the target, must not be the one that is kept.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "appearance/splat_visibility.h"
+#include "appearance/visibility_map.h"
 #include "base/octahedral.h"
 #include "render/projection.h"
 
@@ -26,6 +27,25 @@ std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> sp
 /// The same of the splats inside a ball (centre and radius) alone: the others get all light and cast no shadow. Radius 0: of all.
 std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
                                            std::span<const glm::vec3> lights = {}, const std::function<bool()>& goOn = {});
+
+/// Draws the maps of some splats.
+using DrawVisibility = std::function<std::vector<uint8_t>(std::span<const GaussianGeometry<float>>)>;
+/// What lightVisibilityWithin does, whoever draws.
+std::vector<uint8_t> visibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, const DrawVisibility& draw);
+
+ShadowScene shadowScene(std::span<const GaussianGeometry<float>> splats);
+/// The lights within the sphere around the splats' box; of very many some, evenly.
+std::vector<glm::vec3> lightsAmong(const ShadowScene& scene, std::span<const glm::vec3> lights);
+
+/// The four texels that a splat looks up towards a light. False if it is so near that nothing is between them.
+NACRE_HD inline bool texelsTowards(const glm::vec3& toLight, float bias, int size, int out[4])
+{
+    if (!(glm::length(toLight) > bias)) return false;
+    const glm::vec2 place = 0.5f * float(size) * (octahedralCoordinates(glm::normalize(toLight)) + 1.0f) - 0.5f; // from the first texel's centre
+    const int x = int(std::floor(place.x)), y = int(std::floor(place.y));
+    for (int j = 0; j < 4; ++j) out[j] = visibilityTexel(x + j % 2, y + j / 2, size);
+    return true;
+}
 
 /// Along the light, centres of other splats nearer to a splat's own than this shade nothing.
 float visibilityBias(std::span<const GaussianGeometry<float>> splats);

@@ -1,7 +1,5 @@
 #include "appearance/splat_visibility.h"
 
-#include "base/octahedral.h"
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -31,15 +29,11 @@ void limitBox(std::span<const glm::vec3> splats, glm::vec3& lo, glm::vec3& hi)
 /// The splats as seen against the direction w (unit), the object's sphere filling the image.
 void flatten(const ShadowScene& scene, const glm::vec3& w, ShadowWorkspace& work)
 {
-    const float scale = 0.5f * float(kShadowSize) / scene.radius;
-    const glm::vec3 side = std::abs(w.z) < 0.9f ? glm::vec3(0, 0, 1) : glm::vec3(1, 0, 0);
-    const glm::vec3 x = scale * glm::normalize(glm::cross(side, w)), y = glm::cross(w, x);
+    const ShadowDirection view = shadowDirection(scene.center, scene.radius, w);
     const size_t n = scene.count();
     work.flat.resize(n), work.keys.resize(n), work.order.resize(n);
     for (size_t i = 0; i < n; ++i) {
-        const glm::vec3 p = scene.positions[i] - scene.center;
-        const glm::vec3 a = x * scene.axes[i], b = y * scene.axes[i];
-        work.flat[i] = flatSplat(glm::dot(p, x) + 0.5f * kShadowSize, glm::dot(p, y) + 0.5f * kShadowSize, -glm::dot(p, w), a, b, scene.opacities[i]);
+        work.flat[i] = flatAlong(view, scene.positions[i], scene.axes[i], scene.opacities[i]);
         work.keys[i] = radixKey(work.flat[i].depth), work.order[i] = uint32_t(i);
     }
     radixSort<uint32_t>(work.keys, work.order, work.scratch);
@@ -57,24 +51,6 @@ inline float expNegative(float x)
 
 } // namespace
 
-FlatSplat flatSplat(float x, float y, float depth, const glm::vec3& a, const glm::vec3& b, float opacity)
-{
-    const float aa = glm::dot(a, a), ab = glm::dot(a, b), bb = glm::dot(b, b);
-    const glm::vec3 n = glm::cross(a, b);
-    const float raw = glm::dot(n, n), det = raw + kShadowLowPass * (aa + bb) + kShadowLowPass * kShadowLowPass;
-    return {x, y, depth, 0.5f * (bb + kShadowLowPass) / det, -ab / det, 0.5f * (aa + kShadowLowPass) / det, opacity * std::sqrt(raw / det)};
-}
-
-ShadowReach shadowReach(const FlatSplat& s)
-{
-    const float reach = std::log(s.opacity / kShadowLeastAlpha), det = 4 * s.a * s.c - s.b * s.b;
-    if (!(reach > 0) || !(det > 0)) return {};
-    const float ex = std::sqrt(4 * s.c * reach / det), ey = std::sqrt(4 * s.a * reach / det);
-    if (!(ex < 1e6f && ey < 1e6f)) return {};
-    return {std::max(0, int(std::ceil(s.x - ex - 0.5f))), std::min(kShadowSize - 1, int(std::floor(s.x + ex - 0.5f))), std::max(0, int(std::ceil(s.y - ey - 0.5f))),
-            std::min(kShadowSize - 1, int(std::floor(s.y + ey - 0.5f))), reach};
-}
-
 void drawShadowScalar(const FlatSplat& s, float* image)
 {
     constexpr int kTogether = 4;
@@ -86,7 +62,7 @@ void drawShadowScalar(const FlatSplat& s, float* image)
             float lit[kTogether];
             for (int k = 0; k < kTogether; ++k) {
                 const float dx = first + float(x + k), q = (s.a * dx + by) * dx + cy, alpha = s.opacity * expNegative(q < r.reach ? q : r.reach);
-                lit[k] = q < r.reach ? 1 - (alpha < 0.999f ? alpha : 0.999f) : 1.0f;
+                lit[k] = q < r.reach ? 1 - (alpha < kShadowMostAlpha ? alpha : kShadowMostAlpha) : 1.0f;
             }
             for (int k = 0; k < kTogether; ++k) row[x + k] *= lit[k];
         }
@@ -95,10 +71,9 @@ void drawShadowScalar(const FlatSplat& s, float* image)
 
 float readShadow(const float* image, float x, float y)
 {
-    x = std::clamp(x - 0.5f, 0.0f, float(kShadowSize) - 1.001f), y = std::clamp(y - 0.5f, 0.0f, float(kShadowSize) - 1.001f);
-    const int i = int(x), j = int(y);
-    const float fx = x - float(i), fy = y - float(j), *row = image + j * kShadowRow + i, *next = row + kShadowRow;
-    return (1 - fy) * ((1 - fx) * row[0] + fx * row[1]) + fy * ((1 - fx) * next[0] + fx * next[1]);
+    const ShadowPlace at = shadowPlace(x, y);
+    const float *row = image + at.y * kShadowRow + at.x, *next = row + kShadowRow;
+    return at.value(row[0], row[1], next[0], next[1]);
 }
 
 void finishScene(ShadowScene& scene, float medianSize)
@@ -119,18 +94,14 @@ void addDirection(const ShadowScene& scene, const glm::vec3& w, DrawShadow draw,
     for (const uint32_t i : work.order) {
         const FlatSplat& s = work.flat[i];
         for (; work.flat[work.order[drawn]].depth < s.depth - scene.bias; ++drawn) draw(work.flat[work.order[drawn]], work.image.data());
-        const bool inside = s.x >= -0.5f && s.x <= kShadowSize + 0.5f && s.y >= -0.5f && s.y <= kShadowSize + 0.5f; // of the limited box
-        work.sum[i] += inside ? readShadow(work.image.data(), s.x, s.y) : 1.0f;
+        work.sum[i] += insideShadow(s, kShadowMargin) ? readShadow(work.image.data(), s.x, s.y) : 1.0f;
     }
 }
 
 void drawTexel(const ShadowScene& scene, int size, int texel, int oversample, DrawShadow draw, ShadowWorkspace& work)
 {
     work.sum.assign(scene.count(), 0.0f);
-    const int fine = size * oversample, i0 = texel % size * oversample, j0 = texel / size * oversample;
-    for (int j = j0; j < j0 + oversample; ++j)
-        for (int i = i0; i < i0 + oversample; ++i)
-            addDirection(scene, octahedralDirection((2 * float(i) + 1) / float(fine) - 1, (2 * float(j) + 1) / float(fine) - 1), draw, work);
+    forTexelDirections(size, texel, oversample, [&](const glm::vec3& w) { addDirection(scene, w, draw, work); });
     const float scale = 255.0f / float(oversample * oversample);
     for (float& s : work.sum) s *= scale;
 }

@@ -5,6 +5,7 @@
 // the 98 % of the splats in the middle, and as much again around them; the few that lie farther away get all light and cast no shadow.
 #pragma once
 
+#include "appearance/shadow_splat.h"
 #include "base/radix_sort.h"
 #include "splats/splat_asset.h"
 
@@ -14,24 +15,7 @@
 
 namespace nacre {
 
-constexpr int kShadowSize = 128;             // pixels per side of the image of transmittance
 constexpr int kShadowRow = kShadowSize + 16; // floats per row: whole vectors may be written beyond the last pixel
-constexpr float kShadowLowPass = 0.1f;       // px^2
-constexpr float kShadowLeastAlpha = 0.01f;
-
-/// A splat in the image: alpha = opacity * exp(-(a dx^2 + b dx dy + c dy^2)).
-struct FlatSplat {
-    float x, y, depth, a, b, c, opacity;
-};
-/// a, b: rows of the projection times the local axes, in pixels.
-FlatSplat flatSplat(float x, float y, float depth, const glm::vec3& a, const glm::vec3& b, float opacity);
-
-/// The pixels that a splat reaches: its alpha is kShadowLeastAlpha or more where a dx^2 + b dx dy + c dy^2 <= reach. Empty: x1 < x0.
-struct ShadowReach {
-    int x0 = 0, x1 = -1, y0 = 0, y1 = -1;
-    float reach = 0;
-};
-ShadowReach shadowReach(const FlatSplat& splat);
 
 /// Multiplies what the splat lets through into an image of kShadowRow * kShadowSize floats.
 using DrawShadow = void (*)(const FlatSplat& splat, float* image);

@@ -2,6 +2,8 @@
 // Independent Unit Vectors", 2014).
 #pragma once
 
+#include "base/host_device.h"
+
 #include <glm/glm.hpp>
 
 #include <cmath>
@@ -9,7 +11,7 @@
 namespace nacre {
 
 /// Unit vector of a place, u and v in [-1, 1].
-inline glm::vec3 octahedralDirection(float u, float v)
+NACRE_HD inline glm::vec3 octahedralDirection(float u, float v)
 {
     const float z = 1 - std::abs(u) - std::abs(v);
     if (z >= 0) return glm::normalize(glm::vec3(u, v, z));
@@ -17,7 +19,7 @@ inline glm::vec3 octahedralDirection(float u, float v)
 }
 
 /// The other way; `w` unit.
-inline glm::vec2 octahedralCoordinates(const glm::vec3& w)
+NACRE_HD inline glm::vec2 octahedralCoordinates(const glm::vec3& w)
 {
     const glm::vec3 p = w / (std::abs(w.x) + std::abs(w.y) + std::abs(w.z));
     if (p.z >= 0) return {p.x, p.y};
