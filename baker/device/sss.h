@@ -92,8 +92,7 @@ struct ForwardSss {
                 sssRowLightChannels(view.step, s.batch.light[thread * kSssLightRow + kSssVisibilityInput], s.falloff[thread], view.lit.lights[l].intensity,
                                     sssRowSubsurface(view.row(view.splatFromVisible[visible]), view.step.residual), s.batch.share[thread],
                                     s.batch.residual + 3 * thread, channels + size_t(visible) * view.stride + kSssSurfaceChannels + kSssLightChannels * l);
-            }
-            t.sync();
+            } // no barrier: what a thread has read here it writes itself in the next batch, or others do after barriers
         }
     }
 };
@@ -282,6 +281,10 @@ struct ResolveSssBackward {
 /// What a bake keeps of sss, on the device, and its part in a step.
 class DeviceSss {
 public:
+    /// At most so many blocks of a step at a time, each with a sum of its own: two a multiprocessor of a large card (132 of them), whatever the card, as the
+    /// order of the sums depends on it. And of forward.
+    explicit DeviceSss(uint32_t stepBlocks = 264, uint32_t forwardBlocks = 1024) : stepBlocks_(stepBlocks), forwardBlocks_(forwardBlocks) {}
+
     static int channels(int lights) { return kSssSurfaceChannels + kSssLightChannels * lights; }
 
     /// After the host has changed it.
@@ -316,7 +319,7 @@ public:
     {
         const SssView v = view(geometry, splatFromVisible, visibleCount, lit);
         withLights(lit.lightCount, [&](auto lights) {
-            launch(device, std::min(batches(lights(), visibleCount), kForwardBlocks), ForwardSss<lights()>{v, out});
+            launch(device, std::min(batches(lights(), visibleCount), forwardBlocks_), ForwardSss<lights()>{v, out});
         });
     }
 
@@ -343,7 +346,7 @@ public:
         const SssView v = view(geometry, splatFromVisible, visibleCount, lit);
         uint32_t blocks = 0;
         withLights(lit.lightCount, [&](auto lights) {
-            blocks = std::min(batches(lights(), visibleCount), kStepBlocks);
+            blocks = std::min(batches(lights(), visibleCount), stepBlocks_);
             if (v.step.network()) dWeights_.reserve(device, size_t(blocks) * kSssAllWeights);
             launch(device, blocks, StepSss<lights()>{v, momentum_.data()->data(), second_.data()->data(), active, dChannels, dWeights_.data()});
         });
@@ -353,10 +356,6 @@ public:
     }
 
 private:
-    // Blocks of the step, each with a sum of its own: what two a multiprocessor come to on a large card (132 of them), and no more on others, so that the
-    // order of the sums does not depend on the card.
-    static constexpr uint32_t kForwardBlocks = 1024, kStepBlocks = 264;
-
     static uint32_t batches(int lights, uint32_t visibleCount) { return blocksFor(visibleCount, uint32_t(kSssBatchSplats(lights))); }
 
     template <class Work>
@@ -380,6 +379,7 @@ private:
         return v;
     }
 
+    uint32_t stepBlocks_, forwardBlocks_;
     Buffer<SssRow> rows_, momentum_, second_;
     Buffer<uint8_t> visibility_;
     Buffer<float> weights_, weightsMomentum_, weightsSecond_, dWeights_, image_, dPlanes_;

@@ -175,7 +175,7 @@ NACRE_DEVICE inline float sssColumnSum(const float* x, int stride)
     return sum;
 }
 
-/// Inputs -> hidden layers, residual and share. Begins and ends with a barrier.
+/// Inputs -> hidden layers, residual and share. Begins with a barrier; the share of a row is in its place for the thread of that number.
 template <int kLights, class T>
 NACRE_DEVICE inline void sssNetworkForward(const T& t, const SssSharedWeights& w, bool share, SssSharedBatch<kLights>& b)
 {
@@ -224,7 +224,6 @@ NACRE_DEVICE inline void sssNetworkForward(const T& t, const SssSharedWeights& w
         }
         b.share[row] = share ? 2 * sssLogistic(sum) : 1.0f;
     }
-    t.sync();
 }
 
 /// A thread's part of the gradient of the weights.

@@ -59,7 +59,7 @@ struct Scene {
         for (size_t v = splatFromVisible.size(); v > 1; --v)
             std::swap(splatFromVisible[v - 1], splatFromVisible[std::min(v - 1, size_t(random.uniform() * float(v)))]);
         for (size_t v = 0; v < splatFromVisible.size(); ++v) visibleFromSplat[splatFromVisible[v]] = uint32_t(v), active.push_back(random.uniform() < 0.8f);
-        for (size_t v = 64; v < std::min<size_t>(96, active.size()); ++v) active[v] = 0; // batches of which none learns
+        for (size_t v = 32; v < std::min<size_t>(64, active.size()); ++v) active[v] = 0; // batches of which none learns
         const float frame[4] = {0.5f, 0.5f, 0.5f, 0.6f};
         std::copy_n(frame, 4, state->frame);
         for (float& w : state->weights.value) w += 0.02f * (random.uniform() - 0.5f);
@@ -98,7 +98,7 @@ struct Stepped {
 Stepped onDevice(const Scene& scene, const Emulation& order)
 {
     Device device(order);
-    DeviceSss sss;
+    DeviceSss sss(3, 2); // several batches to a block
     sss.upload(device, *scene.state);
     Buffer<GaussianGeometry<float>> geometry;
     Buffer<uint32_t> splatFromVisible;
@@ -260,7 +260,7 @@ TEST_CASE("sss on a device: a view that sees nothing moves no splat, and a secon
 {
     Scene scene(2, {}, 40);
     Device device;
-    DeviceSss sss;
+    DeviceSss sss(3, 2);
     sss.upload(device, *scene.state);
     Buffer<GaussianGeometry<float>> geometry;
     geometry.upload(device, std::span<const GaussianGeometry<float>>(scene.geometry));
