@@ -110,8 +110,16 @@ private:
     size_t bytes_ = 0;
 };
 
+/// 0: nothing is promised, nvcc decides.
 template <class Kernel>
-__global__ void __launch_bounds__(Kernel::kThreads) run(const Kernel kernel) { kernel(Thread{}); }
+constexpr uint32_t blocksAtOnce()
+{
+    if constexpr (requires { Kernel::kBlocksAtOnce; }) return Kernel::kBlocksAtOnce;
+    else return 0;
+}
+
+template <class Kernel>
+__global__ void __launch_bounds__(Kernel::kThreads, blocksAtOnce<Kernel>()) run(const Kernel kernel) { kernel(Thread{}); }
 
 template <class Kernel>
 constexpr size_t sharedBytes()

@@ -4,6 +4,7 @@
 //
 //   struct MyKernel {                             // plain data
 //       static constexpr uint32_t kThreads = 256; // of a block
+//       static constexpr uint32_t kBlocksAtOnce = 2; // optional: of a multiprocessor; that many have to find room for their registers
 //       struct Shared { float sum[256]; };        // optional: memory that a block shares, not initialised
 //       const float* in;
 //       float* out;

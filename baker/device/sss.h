@@ -102,7 +102,7 @@ struct ForwardSss {
 /// splat: 1000, of rows and their moments most. 60,000 splats: 7.4 Gflop, 0.11 ms of 67 Tflop/s; 60 MB, 0.013 ms of 4.8 TB/s.
 template <int kLights>
 struct StepSss {
-    static constexpr uint32_t kThreads = kSssThreads;
+    static constexpr uint32_t kThreads = kSssThreads, kBlocksAtOnce = 2; // shared memory holds no more
     using Batch = SssSharedBatch<kLights>;
     struct Shared {
         SssSharedWeights weights;

@@ -4,7 +4,7 @@
 // A row per splat and light (light * splats + splat), features side by side, all of it in shared memory with the weights. Each layer is a product of
 // matrices; a thread has tiles of four rows by four columns in registers, for which it reads 8 vectors of four numbers per 64 multiplications. Strides
 // are odd multiples of four, so that the eight threads which are served at a time find their vectors in different banks. The gradient of the weights
-// stays in registers from batch to batch, 63 numbers a thread. With 168 registers and 90 kB a block, of 128 threads, two blocks of the step run on
+// stays in registers from batch to batch, 63 numbers a thread. With 166 to 211 registers (sm_80 to sm_120) and 90 kB a block, two blocks of the step run on
 // a multiprocessor of 228 kB, one on one of 100 kB.
 #pragma once
 
