@@ -11,6 +11,7 @@
 #include "train/checkpoint.h"
 #include "train/choose_model.h"
 #include "train/dataset_packer.h"
+#include "train/held_out.h"
 #include "train/memory.h"
 
 #include <algorithm>
@@ -24,6 +25,7 @@ namespace nacre::cli {
 struct BakeArguments {
     std::string dataset, output, device = "auto", profile = "compact", json, init, bounds;
     bool restart = false;
+    double holdOut = 0; // share of the training cameras
     double memory = 0; // GB; 0: half of the machine's
     BakeOptions options;
     std::string packedPath() const { return output + ".packed"; } // of a set that does not fit the memory: its images, until the bake ends
@@ -235,6 +237,17 @@ static std::string lightsText(const std::vector<RefinedLight>& lights)
                   lights.size(), degrees[degrees.size() / 2], percent[percent.size() / 2], degrees.back(), percent.back());
 }
 
+/// Whether the last steps were of use.
+static std::string heldOutText(const std::vector<HistoryPoint>& history)
+{
+    constexpr double kWorse = 0.05; // dB: less is chance
+    const auto psnr = [](const HistoryPoint& a, const HistoryPoint& b) { return a.psnrMaskedTest < b.psnrMaskedTest; };
+    const HistoryPoint &last = history.back(), &best = *std::max_element(history.begin(), history.end(), psnr);
+    std::string text = format("held-out cameras: %.2f dB in the end (masked)", last.psnrMaskedTest);
+    if (best.psnrMaskedTest < last.psnrMaskedTest + kWorse) return text + "; no step was too many";
+    return text + format(", %.2f dB at step %d: what came after only fit noise, --iterations %d would do better", best.psnrMaskedTest, best.iteration, best.iteration);
+}
+
 struct StoredAsset {
     std::vector<std::byte> file;
     size_t splats = 0;
@@ -338,7 +351,7 @@ static Status runBake(BakeArguments args)
     auto train = findSplit(*dataset, "train");
     if (!train) return train.error();
     size_t memoryBytes = args.memory > 0 ? bytesOfGigabytes(args.memory) : machineMemory() / 2;
-    if (!args.json.empty() && dataset->find("test")) options.track = BakeOptions::Track::kNowAndThen;
+    if (args.holdOut > 0 || (!args.json.empty() && dataset->find("test"))) options.track = BakeOptions::Track::kNowAndThen;
     auto budget = imageBudget(memoryBytes, *dataset, options);
     if (!budget && args.memory <= 0) budget = imageBudget(memoryBytes = machineMemory(), *dataset, options); // nobody asked to be modest
     if (!budget) return budget.error();
@@ -363,6 +376,12 @@ static Status runBake(BakeArguments args)
     warnOfImages(*skipped, imageCount, "skipped");
     options.skipped = std::move(*skipped);
     *dataset = without(std::move(*dataset), "train", options.skipped);
+    if (args.holdOut > 0) {
+        const auto every = uint32_t(std::lround(1 / args.holdOut));
+        *dataset = holdOut(std::move(*dataset), every);
+        if (dataset->find("test")->images.empty() || dataset->find("train")->images.empty())
+            return Error{ErrorCode::kBadInput, format("--hold-out %g holds out every %u. camera, and there are too few to train", args.holdOut, every)};
+    }
     train = findSplit(*dataset, "train");
     {
         ImageCache images(*dataset, size_t(64) << 20);
@@ -409,6 +428,7 @@ static Status runBake(BakeArguments args)
     else if (options.iterations <= 0 && saturated < 0.25)
         std::printf("each image was seen %.0f %% as often as helps at --quality %s: more --minutes or --iterations would do better\n",
                     100 * saturated, options.quality.c_str());
+    if (args.holdOut > 0 && !result->history.empty()) std::printf("%s\n", heldOutText(result->history).c_str());
     if (!result->parts.empty()) std::printf("%s\n", partsText(result->parts).c_str());
     if (!result->lights.empty()) std::printf("%s\n", lightsText(result->lights).c_str());
     if (args.json.empty()) return ok();
@@ -461,6 +481,8 @@ Action addBake(CLI::App& app)
         ->check(wholeNumber(0, 4096))
         ->capture_default_str();
     sub->add_option("--memory", args->memory, "At most so much [GB] (default: half of the machine's); sets that do not fit are prepared beside the output first")->check(positiveNumber());
+    sub->add_option("--hold-out", args->holdOut, "Share of the training cameras to do without, which then tell from where on steps only fit noise (and take the place of the test split in --json)")
+        ->check(numberBetween(0.01, 0.5));
     sub->add_option("--seed", o.seed, "Of every random choice")->check(wholeNumber(0, INT64_MAX))->capture_default_str();
     sub->add_option("--max-splats", o.maxSplats, "Hard cap on the number of Gaussians (default: from --quality, and no more than the images can resolve)")
         ->check(wholeNumber(1, 100000000));

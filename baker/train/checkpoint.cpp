@@ -23,9 +23,8 @@ uint64_t hashOf(const OlatDataset& dataset, const OlatSplit& split)
     for (const Camera& c : split.cameras) add(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.worldFromCamera);
     for (const OlatImage& image : split.images) {
         const Light& l = image.light;
-        add(image.camera, l.type, l.position, l.directionToLight, l.intensity, l.radius);
+        add(image.camera, l.type, l.position, l.directionToLight, l.intensity, l.radius, developmentOf(dataset, split, image));
     }
-    if (const uint64_t development = developmentOf(dataset, split)) add(development);
     if (dataset.backgroundInView || dataset.rig != LightRig::kFixed) add(dataset.backgroundInView, dataset.rig);
     return hash;
 }

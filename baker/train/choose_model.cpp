@@ -4,6 +4,7 @@
 #include "base/byte_stream.h"
 #include "base/hash.h"
 #include "train/checkpoint.h"
+#include "train/held_out.h"
 
 #include <algorithm>
 #include <limits>
@@ -19,19 +20,10 @@ constexpr int kLeastPixels = 100;     // no image is halved to less
 constexpr int kLeastTrialSteps = 300; // less says nothing
 constexpr uint32_t kJudgeEvery = 8;   // cameras
 
-/// Train images of every eighth camera become the test split, which a bake tracks.
-static OlatDataset withJudges(const OlatDataset& dataset)
+static OlatDataset withJudges(OlatDataset dataset)
 {
-    OlatDataset out = dataset;
-    std::erase_if(out.splits, [](const OlatSplit& s) { return s.name != "train"; });
-    OlatSplit& train = out.splits[0];
-    OlatSplit judges = train;
-    judges.name = "test";
-    const auto judge = [](const OlatImage& image) { return image.camera % kJudgeEvery == kJudgeEvery - 1; };
-    std::erase_if(judges.images, [&](const OlatImage& image) { return !judge(image); });
-    std::erase_if(train.images, judge);
-    out.splits.push_back(std::move(judges));
-    return out;
+    std::erase_if(dataset.splits, [](const OlatSplit& s) { return s.name != "train"; });
+    return holdOut(std::move(dataset), kJudgeEvery);
 }
 
 static OlatDataset withSmallImages(OlatDataset dataset)

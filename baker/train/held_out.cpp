@@ -6,6 +6,22 @@ namespace nacre {
 
 constexpr size_t kMostImages = 48; // enough to tell models and moments apart; a large split would take longer than the training
 
+OlatDataset holdOut(OlatDataset dataset, uint32_t every)
+{
+    std::erase_if(dataset.splits, [](const OlatSplit& s) { return s.name == "test"; });
+    for (OlatSplit& train : dataset.splits) {
+        if (train.name != "train") continue;
+        OlatSplit judges = train;
+        judges.name = "test";
+        const auto judge = [every](const OlatImage& image) { return image.camera % every == every - 1; };
+        std::erase_if(judges.images, [&](const OlatImage& image) { return !judge(image); });
+        std::erase_if(train.images, judge);
+        dataset.splits.push_back(std::move(judges));
+        break;
+    }
+    return dataset;
+}
+
 HeldOutPsnr measureHeldOut(Trainer& trainer, const OlatSplit& split, TrainingImages& images)
 {
     ImageLoss loss;

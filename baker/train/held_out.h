@@ -6,6 +6,9 @@
 
 namespace nacre {
 
+/// Train images of every so many-th camera become the test split, which a bake tracks, instead of the one that there is. Empty if there are too few cameras.
+OlatDataset holdOut(OlatDataset dataset, uint32_t every);
+
 /// PSNR in dB, means over images.
 struct HeldOutPsnr {
     double whole = 0, masked = 0; // masked: of the object's pixels

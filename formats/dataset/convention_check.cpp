@@ -109,7 +109,7 @@ std::string briefly(double x)
     return text;
 }
 
-std::string briefly(const glm::vec3& v) { return "(" + briefly(double(v.x)) + ", " + briefly(double(v.y)) + ", " + briefly(double(v.z)) + ")"; }
+std::string briefly(const glm::vec3& v) { return std::string("(").append(briefly(double(v.x))) + ", " + briefly(double(v.y)) + ", " + briefly(double(v.z)) + ")"; }
 
 /// Images of other splits that a bake learns from: the same file, or the same camera under the same light.
 static void checkHeldOut(const OlatDataset& dataset, std::vector<std::string>& out)

@@ -158,9 +158,11 @@ std::string encodePackedDescription(const OlatDataset& dataset, const PackedImag
     for (const OlatSplit& split : dataset.splits) {
         Json cameras = Json::array(), images = Json::array();
         for (const Camera& c : split.cameras) cameras.push_back(toJson(c));
-        for (const OlatImage& image : split.images)
+        for (const OlatImage& image : split.images) {
             images.push_back({{"camera", image.camera}, {"path", image.path}, {"light", toJson(image.light)}, {"block", toJson(packed.blocks[image.packedBlock])}});
-        splits.push_back({{"name", split.name}, {"development", hexText(developmentOf(dataset, split))}, {"cameras", std::move(cameras)}, {"images", std::move(images)}});
+            if (const uint64_t development = developmentOf(dataset, split, image)) images.back()["development"] = hexText(development);
+        }
+        splits.push_back({{"name", split.name}, {"cameras", std::move(cameras)}, {"images", std::move(images)}});
     }
     for (const SkippedImage& s : packed.skipped) skipped.push_back({{"split", s.split}, {"path", s.path}, {"why", s.why}});
     std::string text = out.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -191,7 +193,6 @@ Result<OlatDataset> decodePackedDescription(std::span<const std::byte> text, con
     for (const JsonNode& s : root["splits"].items()) {
         OlatSplit split;
         split.name = s["name"].string();
-        if (const JsonNode development = s["development"]; development.exists()) packed->development[split.name] = readHex(development);
         for (const JsonNode& c : s["cameras"].items()) split.cameras.push_back(readCamera(c));
         if (split.cameras.empty()) s["cameras"].fail("at least one camera", "none");
         if (document->failed()) return document->error();
@@ -201,6 +202,8 @@ Result<OlatDataset> decodePackedDescription(std::span<const std::byte> text, con
             image.path = i["path"].string();
             image.light = readLight(i["light"], folder);
             image.packedBlock = uint32_t(packed->blocks.size());
+            const JsonNode development = i["development"];
+            packed->development.push_back(development.exists() ? readHex(development) : 0);
             packed->blocks.push_back(readBlock(i["block"], split.cameras[image.camera], pixelBytes));
             split.images.push_back(std::move(image));
             if (document->failed()) return document->error();

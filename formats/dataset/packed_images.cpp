@@ -174,21 +174,18 @@ Image decodePixels(const PackedBlock& block, std::span<const std::byte> bytes)
     return image;
 }
 
-uint64_t developmentOf(const OlatDataset& dataset, const OlatSplit& split)
+uint64_t developmentOf(const OlatDataset& dataset, const OlatSplit& split, const OlatImage& image)
 {
-    if (dataset.packed) {
-        const auto found = dataset.packed->development.find(split.name);
-        return found == dataset.packed->development.end() ? 0 : found->second;
-    }
+    if (dataset.packed) return image.packedBlock < dataset.packed->development.size() ? dataset.packed->development[image.packedBlock] : 0;
     uint64_t hash = kFnvOffset;
     const auto add = [&](const auto&... x) { ((hash = fnv1a(&x, sizeof x, hash)), ...); };
     if (dataset.blackLevel != 0 || dataset.whiteLevel != 0) add(dataset.blackLevel, dataset.whiteLevel);
-    for (const FileCamera& f : split.files) add(f.width, f.height, f.fx, f.fy, f.cx, f.cy, f.k, f.p);
-    for (size_t i = 0; i < split.images.size(); ++i) {
-        const OlatImage& image = split.images[i];
-        if (image.gain != glm::vec3(1.0f) || !image.maskPath.empty() || !image.ambientPath.empty())
-            add(i, image.gain, uint8_t(!image.maskPath.empty() + 2 * !image.ambientPath.empty()));
+    if (!split.files.empty()) {
+        const FileCamera& f = split.files[image.camera];
+        add(f.width, f.height, f.fx, f.fy, f.cx, f.cy, f.k, f.p);
     }
+    if (image.gain != glm::vec3(1.0f) || !image.maskPath.empty() || !image.ambientPath.empty())
+        add(image.gain, uint8_t(!image.maskPath.empty() + 2 * !image.ambientPath.empty()));
     return hash == kFnvOffset ? 0 : hash;
 }
 

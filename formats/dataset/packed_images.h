@@ -15,7 +15,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <map>
 #include <span>
 
 namespace nacre {
@@ -63,7 +62,7 @@ public:
     std::vector<PackedBlock> blocks;   // by OlatImage::packedBlock
     std::vector<SkippedImage> skipped;
     uint64_t sourceState = 0;          // changes with the dataset that was prepared, its files included
-    std::map<std::string, uint64_t> development; // developmentOf each split before its images were developed
+    std::vector<uint64_t> development; // of the image of each block, before it was developed: developmentOf
 
 private:
     int file_ = -1;
@@ -71,9 +70,9 @@ private:
     mutable std::vector<std::atomic<bool>> checked_;
 };
 
-/// How the files of a split become images: changes with gains, levels, lenses, crops, and whether there are masks and ambient images; 0 if nothing is
-/// done to them. The same for the files and for what was packed of them.
-uint64_t developmentOf(const OlatDataset& dataset, const OlatSplit& split);
+/// How the file of an image of the split becomes an image: changes with gain, levels, lens, crop, and whether there are a mask and an ambient image; 0 if
+/// nothing is done to it. The same for the file and for what was packed of it.
+uint64_t developmentOf(const OlatDataset& dataset, const OlatSplit& split, const OlatImage& image);
 
 /// What packed.json holds: the dataset, blocks and what was skipped.
 std::string encodePackedDescription(const OlatDataset& dataset, const PackedImages& packed);

@@ -192,7 +192,7 @@ std::vector<Hypothesis> hypotheses(const OlatDataset& dataset, const glm::dvec3&
 std::optional<std::string> complaint(const OlatDataset& dataset, const std::vector<Vote>& votes, const glm::dvec3& centre, double stated,
                                      std::optional<Hypothesis>& known)
 {
-    const std::string scores = "shading disagrees with the light frame (agreement " + fixed2(stated), right = ", above " + briefly(kLeastAgreement) + " is right";
+    const std::string scores = "shading disagrees with the light frame (agreement " + fixed2(stated), right = std::string(", above ").append(briefly(kLeastAgreement)).append(" is right");
     const bool directional = std::all_of(votes.begin(), votes.end(), [](const Vote& v) { return v.view->image->light.type == LightType::kDirectional; });
     std::vector<Hypothesis> all;
     if (known) all.push_back(*known);

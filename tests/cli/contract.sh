@@ -86,6 +86,7 @@ expect 2 "--minutes" "${bake[@]}" -o a.glb --minutes 1 --iterations 5
 expect 2 "--iterations" "${bake[@]}" -o a.glb --iterations 0
 expect 2 "--max-splats" "$nacre" bake "$sample" -o a.glb --max-splats -1
 expect 2 "--threads" "${bake[@]}" -o a.glb --threads two
+for bad in nan 0 0.6 x; do expect 2 "--hold-out" "${bake[@]}" -o a.glb --hold-out $bad; done
 for bad in nan -0.1 1.5 inf x; do expect 2 "--dssim" "${bake[@]}" -o a.glb --dssim $bad; done
 expect 2 "no checkpoint" "${bake[@]}" -o a.glb --resume
 expect 2 "no folder 'nosuch'" "${bake[@]}" -o nosuch/a.glb

@@ -6,6 +6,7 @@
 #include "interchange/exr.h"
 #include "train/checkpoint.h"
 #include "train/display_code.h"
+#include "train/held_out.h"
 #include "train/packed_reference.h"
 #include "train/training_images.h"
 
@@ -100,6 +101,14 @@ TEST_CASE("a bake of files can be resumed from what was packed of them, and not 
     const OlatDataset files = without(p.dataset, "train", {{train.images[8].path, ""}});
     const auto identity = [](const OlatDataset& dataset) { return bakeIdentity(dataset, dataset.splits[0], {}); };
     CHECK(identity(*packed) == identity(files));
+    const OlatDataset heldOutOfPack = holdOut(*packed, 4), heldOut = holdOut(files, 4);
+    CHECK(identity(heldOutOfPack) == identity(heldOut));
+    CHECK(identity(heldOut) != identity(files));
+    const OlatSplit &learnt = *heldOut.find("train"), &judges = *heldOut.find("test");
+    CHECK(learnt.images.size() + judges.images.size() == files.splits[0].images.size());
+    CHECK(judges.images.size() == 3); // of one camera of four, which does not train
+    for (const OlatImage& image : judges.images) CHECK(image.camera == 3);
+    for (const OlatImage& image : learnt.images) CHECK(image.camera != 3);
     std::vector<OlatDataset> others(5, files);
     others[0].blackLevel = 0.02f;
     others[1].splits[0].images[0].gain.g = 2;
