@@ -19,7 +19,8 @@ public:
     virtual Result<Values> draw(const Scene& scene) = 0;
     /// Of lossWeight's loss, as scalarGradients has them; kUnsupported: this one only draws.
     virtual Result<Values> gradients(const Scene&) { return notHere(); }
-    /// Whether it takes the scene's file, lights and camera; kUnsupported: that is not for it to say.
+    /// Whether it takes the scene's file, or its lights and camera; kUnsupported: that is not for it to say.
+    virtual Result<bool> acceptsFile(const Scene&) { return notHere(); }
     virtual Result<bool> accepts(const Scene&) { return notHere(); }
     /// Whether bakes run on it.
     virtual bool trains() const { return false; }

@@ -27,7 +27,7 @@ std::vector<Case> borderCases()
 {
     std::vector<Case> cases;
     const auto add = [&](const char* name, auto scene) {
-        cases.push_back({.name = std::string("border: ") + name, .quantity = "accepted", .kind = Kind::kRefused, .bound = {0, "has to be refused with a message"}, .scene = scene});
+        cases.push_back({.name = std::string("border: ") + name, .quantity = "accepted", .kind = Kind::kRefusedFile, .bound = {0, "has to be refused with a message"}, .scene = scene});
     };
     const float nan = std::numeric_limits<float>::quiet_NaN(), infinite = std::numeric_limits<float>::infinity();
     const auto position = +[](Scene& s) -> float& { return s.asset.cloud.positions[3].y; };
@@ -48,13 +48,24 @@ std::vector<Case> borderCases()
     add("an opacity of 1.5", [=] { return spoilt(opacity, 1.5f); });
     add("an opacity that is NaN", [=] { return spoilt(opacity, nan); });
     add("a coefficient that is NaN", [=] { return spoilt(coefficient, nan); });
+    add("a network whose sums overflow", [] {
+        Scene scene = sssScene(8, true, 3);
+        for (float& w : channel(scene, "network")) w *= 1e14f;
+        return scene;
+    });
+    add("codes that make the network's sums overflow", [] {
+        Scene scene = sssScene(8, true, 3);
+        for (float& w : channel(scene, "network")) w *= 1e5f;
+        fill(scene, "code", 1e15f);
+        return scene;
+    });
     const auto lit = [&](const char* name, Light light) {
         add(name, [light] {
             Scene scene = bigsScene(8, 4, 3);
             scene.lights = {light};
             return scene;
         });
-        cases.back().quantity = "accepted (runtime)";
+        cases.back().kind = Kind::kRefused;
     };
     lit("a light whose position is NaN", pointLight({0, nan, 1}, 1));
     lit("a light whose intensity is infinite", pointLight({0, 0, 1}, infinite));
@@ -69,7 +80,7 @@ std::vector<Case> borderCases()
         scene.camera.worldFromCamera[3][0] = double(nan);
         return scene;
     });
-    cases.back().quantity = "accepted (runtime)";
+    cases.back().kind = Kind::kRefused;
     return cases;
 }
 

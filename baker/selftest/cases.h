@@ -14,7 +14,8 @@ namespace nacre::selftest {
 enum class Kind {
     kImage,     // radiance and coverage of a scene
     kGradients, // of them, with respect to geometry and colours
-    kRefused,   // the scene has to be refused: 1 where it is not
+    kRefusedFile, // the asset's file has to be refused: 1 where it is not
+    kRefused,     // the lights or the camera have to be
     kTraining,  // what a bake or an optimisation leaves, on the engines that train
 };
 

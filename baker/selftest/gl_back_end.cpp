@@ -56,6 +56,7 @@ public:
         return valuesOf(gl_->readFrame());
     }
 
+    Result<bool> acceptsFile(const Scene& scene) override { return accepts(scene); }
     Result<bool> accepts(const Scene& scene) override
     {
         const auto values = draw(scene);

@@ -39,6 +39,7 @@ std::vector<Case> lightCases()
     add("four lights at one place are one four times as bright", kRounding, [] {
         return cloudLitBy(std::vector<Light>(4, pointLight({1, 1, 2}, 1)));
     })->like = [] { return cloudLitBy({pointLight({1, 1, 2}, 4)}); };
+    add("a sun of 0.3 radians, and one of 1e-6", kRounding, [] { return cloudLitBy({directionalLight({1, 1, 2}, 1, 0.3f), directionalLight({-1, 1, 2}, 1, 1e-6f)}); });
     add("light in the eye", kRounding, [] {
         Scene scene = cloudLitBy({});
         scene.lights = {pointLight(glm::vec3(scene.camera.position()), 3)};

@@ -14,9 +14,8 @@ public:
     explicit ScalarBackEnd(const Formulas<float>& formulas) : formulas_(formulas) {}
     Result<Values> draw(const Scene& scene) override { return drawScalar(scene, formulas_); }
     Result<Values> gradients(const Scene& scene) override { return scalarGradients(scene, formulas_); }
-    Result<bool> accepts(const Scene& scene) override
+    Result<bool> acceptsFile(const Scene& scene) override
     {
-        if (scene.spoilt.empty()) return notHere(); // lights and cameras are for the runtime to refuse
         const auto file = assetFile(scene);
         if (!file && file.error().code == ErrorCode::kIo) return file.error();
         return file && decodeAsset(*file);

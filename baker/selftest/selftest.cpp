@@ -57,7 +57,7 @@ static Result<Values> evaluate(const Case& c, const Scene& scene, BackEnd& backE
     }
     if (c.kind == Kind::kGradients) return backEnd.gradients(scene);
     if (c.kind == Kind::kTraining) return backEnd.trains() ? c.train() : BackEnd::notHere();
-    const auto accepted = backEnd.accepts(scene);
+    const auto accepted = c.kind == Kind::kRefusedFile ? backEnd.acceptsFile(scene) : backEnd.accepts(scene);
     if (!accepted) return accepted.error();
     return Values{{"accepted", {*accepted ? 1.0 : 0.0}, 1}};
 }

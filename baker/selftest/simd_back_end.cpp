@@ -171,7 +171,8 @@ public:
     Result<Values> draw(const Scene& scene) override
     {
         const bool sss = scene.asset.model == "sss";
-        if (sss && scene.halfTarget) return notHere();
+        const bool wide = std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return highlightWidening(l) > 0; }); // no dataset has such
+        if ((sss && scene.halfTarget) || wide) return notHere();
         const SimdView seen(scene);
         std::vector<float> planes(seen.pixels * size_t(seen.channels + 1)), image;
         rasterForward(seen.builder.visible, seen.builder.tiles, seen.colors.data(), seen.channels, planes.data());

@@ -92,6 +92,11 @@ std::vector<Case> sssCases()
         scene.lights = {pointLight(scene.asset.cloud.positions[5], 1e-4f)};
         return scene;
     });
+    add("sss: roughness 0 under a sun of 0.3 radians", kRounding, [] {
+        Scene scene = wall({1, 0, 1}, 0, 0, {1, 0, 0});
+        scene.lights[0].radius = 0.3f;
+        return scene;
+    });
     add("sss: light in the cloud", {1e-3, "a pixel's surface may lie within 1e-2 of the light"}, [] { return cloud({pointLight({0.01f, 0.02f, 0}, 0.01f)}); });
     add("sss: camera in the cloud", {1.0 / 255 + 1e-3, "rounding decides whether a splat at the threshold of 1/255 is counted"}, [] {
         Scene scene = sssScene(300, true, 4);

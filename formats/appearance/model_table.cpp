@@ -194,6 +194,11 @@ Status validate(const SplatAsset& asset)
     if (Status s = validateCloud(asset.cloud); !s) return s;
     if (Status s = validateChannels(asset, *model); !s) return s;
     if (Status s = validateCoded(asset); !s) return s;
+#define NACRE_MODEL(name) \
+    if (asset.model == #name) \
+        if (Status s = name::check(asset); !s) return s;
+    NACRE_APPEARANCE_MODELS(NACRE_MODEL)
+#undef NACRE_MODEL
     if (asset.drawnVisibility != 0 && ((asset.drawnVisibility != 16 && asset.drawnVisibility != 32) || asset.find("visibility")))
         return bad("visibility is both stored and to be drawn, or of a size that is neither 16 nor 32");
     if (Status s = validateNeutral(asset); !s) return s;

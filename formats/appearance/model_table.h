@@ -31,6 +31,7 @@ struct AppearanceModel {
     namespace name {                  \
     const char* summary();            \
     std::vector<ChannelSpec> channels(); \
+    Status check(const SplatAsset& asset); /* what names, sizes and finite values do not say */ \
     }
 NACRE_APPEARANCE_MODELS(NACRE_MODEL)
 #undef NACRE_MODEL

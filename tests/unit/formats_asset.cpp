@@ -445,3 +445,27 @@ TEST_CASE("summary counts the bytes of every part, and they add up to the binary
     CHECK(total == GlbParts(bytes).bin.size());
     CHECK(summary.channels[2].bytes == 10 * 25 * 4);
 }
+
+TEST_CASE("a network whose sums would overflow is refused, by its weights, codes or normals")
+{
+    const SplatAsset sound = makeSss(5, true);
+    REQUIRE(validate(sound));
+    const auto factors = [&](const char* name, float factor) {
+        SplatAsset asset = sound;
+        for (Channel& c : asset.channels)
+            if (c.name == name)
+                for (float& v : c.values) v *= factor;
+        return asset;
+    };
+    CHECK(validate(factors("network", 1e3f)));
+    CHECK(validate(factors("code", 1e6f)));
+    for (const SplatAsset& asset : {factors("network", 1e14f), factors("normal", 1e14f), factors("code", 1e14f)}) {
+        SplatAsset worse = asset;
+        for (Channel& c : worse.channels)
+            if (c.name == "network")
+                for (float& v : c.values) v *= 1e6f;
+        const Status s = validate(worse);
+        REQUIRE_FALSE(s);
+        CHECK(s.error().message.find("network") != std::string::npos);
+    }
+}

@@ -209,7 +209,7 @@ TEST_CASE("every case is within its bounds in every column, and random extreme s
         CAPTURE(row.name);
         CHECK(names.insert(row.name).second);
         CHECK(std::strlen(row.bound.reason) > 5);
-        CHECK(std::any_of(row.cells.begin(), row.cells.end(), [](const Cell& c) { return c.what != Cell::What::kEmpty; }) == (row.quantity != "accepted (runtime)" || report->columns.back().skipped.empty()));
+        if (report->columns.back().skipped.empty()) CHECK(std::any_of(row.cells.begin(), row.cells.end(), [](const Cell& c) { return c.what != Cell::What::kEmpty; }));
     }
     // the same table in all three forms
     const std::string json = asJson(*report, "test", "a machine"), markdown = asMarkdown(*report, "test", "a machine");

@@ -18,4 +18,6 @@ std::vector<ChannelSpec> bigs::channels()
             {"shadow", {0, 1}}};
 }
 
+Status bigs::check(const SplatAsset&) { return ok(); }
+
 } // namespace nacre
