@@ -138,8 +138,8 @@ struct StepSss {
             if (thread < Batch::kSplats && (s.active >> thread & 1)) {
                 float dSubsurface = 0;
                 for (int l = 0; view.step.network() && l < kLights; ++l) dSubsurface += s.dSubsurface[l * Batch::kSplats + thread];
-                sssRowBackward(view.step, view.row(view.splatFromVisible[first + uint32_t(thread)]), dChannels + size_t(first + uint32_t(thread)) * view.stride, dSubsurface,
-                               gradient + thread * kSssRowFloats);
+                const uint32_t visible = first + uint32_t(thread);
+                sssRowBackward(view.step, view.row(view.splatFromVisible[visible]), dChannels + size_t(visible) * view.stride, dSubsurface, gradient + thread * kSssRowFloats);
             }
             t.sync();
             for (int k = thread; k < Batch::kSplats * kSssRowFloats; k += int(kThreads)) {

@@ -190,7 +190,8 @@ NACRE_DEVICE inline void sssNetworkForward(const T& t, const SssSharedWeights& w
     sssForward<kSplats, kSssFixedPadded, kSssHidden1>(thread, b.fixed, kSssFixedRow, w.fixed, kSssFixedRow, [&](int, int j) { return sssRead(w.firstBias + j); },
         [&](int row, int j, const SssVector<4>& sum) { sssWrite(b.first() + row * kSssRow1 + j, sum); });
     // The same threads have the same tiles: no barrier.
-    sssForward<kSplats, kSssCodeInputs, kSssHidden1>(thread, b.code, kSssCodeRow, w.code, kSssCodeRow, [&](int row, int j) { return sssRead(b.first() + row * kSssRow1 + j); },
+    sssForward<kSplats, kSssCodeInputs, kSssHidden1>(thread, b.code, kSssCodeRow, w.code, kSssCodeRow,
+        [&](int row, int j) { return sssRead(b.first() + row * kSssRow1 + j); },
         [&](int row, int j, const SssVector<4>& sum) { sssWrite(b.first() + row * kSssRow1 + j, sum); });
     t.sync();
     sssForward<kRows, kSssLightInputs, kSssHidden1>(thread, b.light, kSssLightRow, w.light, kSssLightRow,

@@ -42,7 +42,7 @@ struct Scene {
     {
         Random random(uint64_t(31 + lights));
         AppearanceOptions options;
-        options.without = std::move(without), options.lightDistancesVary = true;
+        options.without = std::move(without), options.lightDistancesVary = lights != 3;
         model = makeTrainableAppearance("sss", options);
         model->resize(count);
         state = sssState(*model);
@@ -158,6 +158,7 @@ Exact exactly(const Scene& scene)
             const double visibility = map.texels ? mapVisibility(map, at.dir) : 1.0;
             double in[kSssLightInputs], dIn[kSssLightInputs] = {};
             sssLightInputs(toEye.dir, at.dir, visibility, light.type == LightType::kPoint ? std::sqrt(at.distance2) * frame[3] : -1.0, in);
+            if (!s.nearness) in[kSssNearnessInput] = 0;
             const SssActivations<double> a = sssNetworkLight(w.data(), first, in);
             double* own = to + kSssSurfaceChannels + kSssLightChannels * l;
             const float* dOwn = d + kSssSurfaceChannels + kSssLightChannels * l;
@@ -176,7 +177,8 @@ Exact exactly(const Scene& scene)
         std::array<double, kSssRowFloats>& g = out.rows[i];
         const auto slope = [&](int k) { return raw(k) * (1 - raw(k)); };
         for (int c = 0; c < 3; ++c) g[size_t(kSssRowBase + c)] = double(d[kSssBase + c]) * slope(kSssRowBase + c);
-        g[kSssRowRough] = double(d[kSssRoughness]) * slope(kSssRowRough), g[kSssRowMetal] = (double(d[kSssMetalness]) + double(step.metalPull)) * slope(kSssRowMetal);
+        g[kSssRowRough] = double(d[kSssRoughness]) * slope(kSssRowRough);
+        g[kSssRowMetal] = (double(d[kSssMetalness]) + double(step.metalPull)) * slope(kSssRowMetal);
         if (step.residual) g[kSssRowScatter] = (double(d[kSssSubsurface]) + dSubsurface + double(step.scatterPull)) * slope(kSssRowScatter);
         double along = 0, dFixed[kSssFixedInputs] = {}, dCode[kSssCodeInputs] = {};
         for (int k = 0; k < 3; ++k) along += double(d[kSssNormal + k]) * normal[k];
@@ -193,7 +195,11 @@ template <class A, class B>
 double difference(const A& a, const B& b)
 {
     double most = 0, square = 0;
-    for (size_t k = 0; k < b.size(); ++k) most = std::max(most, std::abs(double(a[k]) - double(b[k]))), square += double(b[k]) * double(b[k]);
+    for (size_t k = 0; k < b.size(); ++k) {
+        const double off = std::abs(double(a[k]) - double(b[k]));
+        most = std::isfinite(off) ? std::max(most, off) : 1e30;
+        square += double(b[k]) * double(b[k]);
+    }
     return square > 0 ? most / std::sqrt(square / double(b.size())) : most;
 }
 
