@@ -6,6 +6,7 @@
 #include "base/byte_stream.h"
 #include "base/light.h"
 #include "render/projection.h"
+#include "splat/light_visibility.h"
 #include "splats/splat_asset.h"
 
 #include <cstdint>
@@ -101,9 +102,15 @@ public:
     /// Neither evaluated nor trained nor exported from here on; except where kept[splat] != 0 (only of parts by splat; else empty).
     virtual void leaveOut(const std::string& part, std::span<const uint8_t> kept) = 0;
 
+    /// Who draws visibility maps from here on; none: the CPU.
+    void setVisibilityDrawer(VisibilityDrawer drawer) { visibilityDrawer_ = std::move(drawer); }
+
     virtual std::vector<Channel> exportChannels() const = 0;
     virtual void save(ByteWriter& out) const = 0;
     virtual bool load(ByteReader& in) = 0;                       // false if the bytes do not fit this model
+
+protected:
+    VisibilityDrawer visibilityDrawer_;
 };
 
 struct AppearanceOptions {

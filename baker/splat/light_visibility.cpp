@@ -151,8 +151,12 @@ bool lookAtNearLights(const ShadowScene& scene, std::span<const glm::vec3> light
 
 } // namespace
 
-std::vector<uint8_t> visibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, const DrawVisibility& draw)
+std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
+                                           std::span<const glm::vec3> lights, const std::function<bool()>& goOn, const VisibilityDrawer& drawer)
 {
+    const auto draw = [&](std::span<const GaussianGeometry<float>> these) {
+        return drawer ? drawer(these, size, oversample, lights) : lightVisibility(these, size, oversample, lights, goOn);
+    };
     if (!(ball.w > 0)) return draw(splats);
     std::vector<GaussianGeometry<float>> inside;
     std::vector<size_t> from;
@@ -166,12 +170,6 @@ std::vector<uint8_t> visibilityWithin(const glm::vec4& ball, std::span<const Gau
     std::vector<uint8_t> all(splats.size() * texels, 255);
     for (size_t k = 0; k < from.size(); ++k) std::copy_n(maps.begin() + ptrdiff_t(k * texels), texels, all.begin() + ptrdiff_t(from[k] * texels));
     return all;
-}
-
-std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
-                                           std::span<const glm::vec3> lights, const std::function<bool()>& goOn)
-{
-    return visibilityWithin(ball, splats, size, [&](std::span<const GaussianGeometry<float>> s) { return lightVisibility(s, size, oversample, lights, goOn); });
 }
 
 float visibilityBias(std::span<const GaussianGeometry<float>> splats) { return visibilityBias(medianSplatSize(splats)); }

@@ -24,14 +24,13 @@ namespace nacre {
 std::vector<uint8_t> lightVisibility(std::span<const GaussianGeometry<float>> splats, int size, int oversample,
                                      std::span<const glm::vec3> lights = {}, const std::function<bool()>& goOn = {});
 
-/// The same of the splats inside a ball (centre and radius) alone: the others get all light and cast no shadow. Radius 0: of all.
-std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
-                                           std::span<const glm::vec3> lights = {}, const std::function<bool()>& goOn = {});
+/// Draws maps as lightVisibility does, elsewhere.
+using VisibilityDrawer = std::function<std::vector<uint8_t>(std::span<const GaussianGeometry<float>> splats, int size, int oversample, std::span<const glm::vec3> lights)>;
 
-/// Draws the maps of some splats.
-using DrawVisibility = std::function<std::vector<uint8_t>(std::span<const GaussianGeometry<float>>)>;
-/// What lightVisibilityWithin does, whoever draws.
-std::vector<uint8_t> visibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, const DrawVisibility& draw);
+/// The same of the splats inside a ball (centre and radius) alone: the others get all light and cast no shadow. Radius 0: of all. With a drawer,
+/// `goOn` is not asked.
+std::vector<uint8_t> lightVisibilityWithin(const glm::vec4& ball, std::span<const GaussianGeometry<float>> splats, int size, int oversample,
+                                           std::span<const glm::vec3> lights = {}, const std::function<bool()>& goOn = {}, const VisibilityDrawer& drawer = {});
 
 ShadowScene shadowScene(std::span<const GaussianGeometry<float>> splats);
 /// The lights within the sphere around the splats' box; of very many some, evenly.

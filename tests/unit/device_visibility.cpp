@@ -1,5 +1,6 @@
 // Visibility maps drawn on a device: those of the CPU but for rounding. Each value is a product of up to hundreds of factors, whose
 // exponential the CPU takes to 1e-5; at the border between two bytes that is a step of one.
+#include "appearance/trainable.h"
 #include "device/visibility.h"
 
 #include <doctest/doctest.h>
@@ -73,4 +74,24 @@ TEST_CASE("visibility on a device of one splat, of huge and of flat ones, of non
     checkMaps(splats, 4, 1, {});
     Device device;
     CHECK(DeviceVisibility().draw(device, {}, 4, 1).empty());
+}
+
+TEST_CASE("models take their visibility from who draws it, of the splats that shade each other alone")
+{
+    const std::vector<GaussianGeometry<float>> splats = cloud(30, 5);
+    for (const char* name : {"bigs", "sss"}) {
+        AppearanceOptions options;
+        options.region = {5, 5, 5, 2.5f}; // of 6 around
+        const std::unique_ptr<TrainableAppearance> model = makeTrainableAppearance(name, options);
+        model->resize(splats.size());
+        size_t drawn = 0;
+        model->setVisibilityDrawer([&](std::span<const GaussianGeometry<float>> some, int size, int, std::span<const glm::vec3>) {
+            drawn += some.size();
+            return std::vector<uint8_t>(some.size() * size_t(size * size), 9);
+        });
+        const HostGeometry geometry = [&] { return std::span<const GaussianGeometry<float>>(splats); };
+        CHECK(model->prepareStep(0.5, geometry, {}));
+        CHECK(drawn > 0);
+        CHECK(drawn < splats.size());
+    }
 }

@@ -117,7 +117,7 @@ public:
     {
         const bool renewed = visibilityOn_ && renewalsDue(progress) > renewed_;
         if (!renewed && (visibilityOn_ || transportStarted_ || progress < kTransportStart)) return true;
-        ahead_ = lightVisibilityWithin(region_, geometry(), kVisibilitySize, kVisibilityOversample, nearLights_, goOn);
+        ahead_ = lightVisibilityWithin(region_, geometry(), kVisibilitySize, kVisibilityOversample, nearLights_, goOn, visibilityDrawer_);
         return !ahead_.empty();
     }
 
@@ -282,7 +282,7 @@ private:
     std::vector<uint8_t> drawnVisibility(std::span<const GaussianGeometry<float>> geometry)
     {
         if (!ahead_.empty()) return std::exchange(ahead_, {});
-        return lightVisibilityWithin(region_, geometry, kVisibilitySize, kVisibilityOversample, nearLights_);
+        return lightVisibilityWithin(region_, geometry, kVisibilitySize, kVisibilityOversample, nearLights_, {}, visibilityDrawer_);
     }
 
     // T_dir = visibility times twice the cosine, as spherical harmonics: on an open plane 0.5 in the mean, like the constant before.

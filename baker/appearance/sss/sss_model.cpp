@@ -107,7 +107,7 @@ public:
     bool prepareStep(double progress, const HostGeometry& geometry, const std::function<bool()>& goOn) override
     {
         if (!visibilityOn_ || renewalsDue(progress) <= renewed_) return true;
-        ahead_ = lightVisibilityWithin(region_, geometry(), kVisibilitySize, 1, nearLights_, goOn);
+        ahead_ = lightVisibilityWithin(region_, geometry(), kVisibilitySize, 1, nearLights_, goOn, visibilityDrawer_);
         return !ahead_.empty();
     }
 
@@ -117,7 +117,7 @@ public:
         const int due = renewalsDue(progress);
         if (due > renewed_) {
             if (progress < kNormalsUntil || renewed_ == 0) findNormals(geometry());
-            if (visibilityOn_) state_.visibility = ahead_.empty() ? lightVisibilityWithin(region_, geometry(), kVisibilitySize, 1, nearLights_) : std::move(ahead_);
+            if (visibilityOn_) state_.visibility = ahead_.empty() ? lightVisibilityWithin(region_, geometry(), kVisibilitySize, 1, nearLights_, {}, visibilityDrawer_) : std::move(ahead_);
             ahead_.clear();
             renewed_ = due;
         }
