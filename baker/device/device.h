@@ -15,22 +15,14 @@
 // Kernels sum floats in a fixed order, never by atomics: the same bake gives the same bytes.
 #pragma once
 
+#include "device/device_error.h"
+
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
-
-namespace nacre {
-
-/// One line that says what failed on the device, such as memory: how much was asked for, how much there is.
-struct DeviceError : std::runtime_error {
-    using std::runtime_error::runtime_error;
-};
-
-} // namespace nacre
 
 #ifdef __CUDACC__
 #define NACRE_BACKEND cuda

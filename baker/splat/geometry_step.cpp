@@ -1,4 +1,4 @@
-// SIMD twin of stepSplatReference and activateReference (geometry.cpp), one splat per lane: gathers the rows of as many active splats as
+// SIMD twin of stepSplatReference and activateReference (geometry_row.h), one splat per lane: gathers the rows of as many active splats as
 // there are lanes, takes the gradient through the projection, steps Adam and activates in registers, and writes the rows back.
 // Lanes do not mix and only the exponential of the activation rounds differently from the reference. Parity test: tests/unit/train_geometry.cpp.
 #undef HWY_TARGET_INCLUDE

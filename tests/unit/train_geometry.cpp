@@ -82,7 +82,8 @@ TEST_CASE("the SIMD step of the geometry equals the scalar reference")
     for (size_t v = 0; v < count; ++v) splats[v] = uint32_t(v * 7 % count), active[v] = v % 3 != 0;
     for (int step = 1; step <= 5; ++step) {
         for (size_t v = 0; v < count; ++v)
-            if (active[v]) stepSplatReference(slow, splats[v], view, d[v], distance[v], GeometryAdam(kRates, step), kPull);
+            if (const size_t i = splats[v]; active[v])
+                stepSplatReference(slow.raw[i], slow.momentum[i], slow.second[i], slow.activated[i], view, d[v], distance[v], GeometryAdam(kRates, step), kPull);
         stepGeometry(fast, view, splats, d.data(), distance.data(), active.data(), kRates, step, kPull);
         size_t clamped = 0, behind = 0;
         for (size_t i = 0; i < count; ++i) {
