@@ -4,8 +4,6 @@
 
 namespace nacre {
 
-static size_t groupCount(size_t count, int shift) { return count == 0 ? 0 : ((count - 1) >> shift) + 1; }
-
 void SharedAdam::stepLevel(Level& level, int shift, std::span<const float> gradient, std::span<const uint8_t> active, const Rates& rates)
 {
     const size_t count = active.size(), groups = groupCount(count, shift);
@@ -20,24 +18,14 @@ void SharedAdam::stepLevel(Level& level, int shift, std::span<const float> gradi
     ++level.steps;
     double meanFirst = 0, meanRest = 0;
     for (size_t g = 0; g < groups; ++g) {
-        float *m = &level.momentum[g * kNumbers], *v = &level.second[g * 2];
-        if (on_[g]) {
-            const float* x = &sums_[g * kNumbers];
-            for (size_t k = 0; k < kNumbers; ++k) m[k] += (1 - rates.beta1) * (x[k] - m[k]);
-            v[0] += (1 - rates.beta2) * (x[0] * x[0] - v[0]);
-            v[1] += (1 - rates.beta2) * ((x[1] * x[1] + x[2] * x[2] + x[3] * x[3]) / 3 - v[1]);
-        }
+        float* v = &level.second[g * 2];
+        if (on_[g]) learn(&sums_[g * kNumbers], rates, &level.momentum[g * kNumbers], v);
         meanFirst += v[0], meanRest += v[1];
     }
-    const float correction1 = 1 - std::pow(rates.beta1, float(level.steps)), correction2 = 1 - std::pow(rates.beta2, float(level.steps));
-    const auto floorOf = [&](double mean) { return kStill * std::sqrt(float(mean / double(groups)) / correction2) + 1e-15f; };
-    const float stillFirst = floorOf(meanFirst), stillRest = floorOf(meanRest);
-    for (size_t g = 0; g < groups; ++g) { // sums_ now holds the steps
-        const float* v = &level.second[g * 2];
-        const float first = rates.first / correction1 / (std::sqrt(v[0] / correction2) + stillFirst);
-        const float rest = rates.rest / correction1 / (std::sqrt(v[1] / correction2) + stillRest);
-        for (size_t k = 0; k < kNumbers; ++k) sums_[g * kNumbers + k] = level.momentum[g * kNumbers + k] * (k == 0 ? first : rest);
-    }
+    const Correction corrections = correction(rates, level.steps);
+    const float still[2] = {floorOf(meanFirst, groups, corrections), floorOf(meanRest, groups, corrections)};
+    for (size_t g = 0; g < groups; ++g) // sums_ now holds the steps
+        stepOf(&level.momentum[g * kNumbers], &level.second[g * 2], still, rates, corrections, &sums_[g * kNumbers]);
     for (size_t i = 0; i < count; ++i)
         if (active[i])
             for (size_t k = 0; k < kNumbers; ++k) deltas_[i * kNumbers + k] += sums_[(i >> shift) * kNumbers + k];

@@ -5,8 +5,6 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
-#include <algorithm>
-#include <cmath>
 
 namespace nacre {
 
@@ -14,8 +12,6 @@ void shareIndirect(BigsParameters& parameters, std::span<const uint32_t> neighbo
 {
     constexpr size_t kRow = 80; // 75 and what makes rows start on a cache line
     const size_t n = parameters.count, numbers = size_t(3 * functions);
-    float bound[25]; // |c_lm| <= sqrt(2l+1) c_00 of a function that is nowhere negative, by the addition theorem
-    for (int k = 0; k < functions; ++k) bound[k] = std::sqrt(2 * std::floor(std::sqrt(float(k))) + 1);
 
     // Side by side in memory first: a neighbour is one run of numbers then, and nobody reads what is being written.
     scratch.resize(n * kRow);
@@ -37,7 +33,7 @@ void shareIndirect(BigsParameters& parameters, std::span<const uint32_t> neighbo
             for (size_t c = 0; c < 3; ++c) {
                 if (!(own[c] > 0) || !(sum[c] > 1e-12f)) continue;
                 for (size_t k = 1; k < size_t(functions); ++k) {
-                    const float ratio = std::clamp(sum[3 * k + c] / sum[c], -bound[k], bound[k]);
+                    const float ratio = sharedRatio(int(k), sum[3 * k + c] / sum[c]);
                     value[(3 * k + c) * kLanes16] += rate * (own[c] * ratio - own[3 * k + c]);
                 }
             }
