@@ -1,7 +1,5 @@
-// bigs and the geometry's step on the device, emulated in three orders of threads, against the CPU's kernels, which train_bigs.cpp and train_geometry.cpp
-// hold against float64.
+// bigs on the device, emulated in three orders of threads, against the CPU's kernels, which train_bigs.cpp holds against float64.
 #include "device/bigs.h"
-#include "device/geometry.h"
 
 #include "base/random.h"
 
@@ -246,80 +244,5 @@ TEST_CASE("neighbours share indirect light on the device as on the CPU")
             CHECK(same(value, first));
         }
         CHECK((functions == 1) == same(first, {c.state.parameters.value.begin(), c.state.parameters.value.end()}));
-    }
-}
-
-TEST_CASE("the geometry's step and that of the surroundings' light are the CPU's on the device")
-{
-    constexpr size_t kCount = 300;
-    Random random(6);
-    const auto u = [&] { return 2 * random.uniform() - 1; };
-    SplatGeometry cpu;
-    cpu.resize(kCount);
-    std::vector<uint32_t> splats;
-    std::vector<ScreenGradient<float>> dSplats;
-    std::vector<uint8_t> active;
-    std::vector<float> dDistance, dColors;
-    std::vector<AmbientRow> ambient(kCount);
-    for (size_t i = 0; i < kCount; ++i) {
-        for (int k = 0; k < 3; ++k) cpu.raw[i][size_t(k)] = u(), cpu.raw[i][size_t(3 + k)] = -3 + u(), ambient[i].value[size_t(k)] = -4 + u();
-        for (size_t k = 6; k < 10; ++k) cpu.raw[i][k] = i % 40 == 0 ? 0.0f : u();
-        cpu.raw[i][10] = 5 * u();
-        cpu.activate(i);
-        if (i % 4 == 3) continue;
-        splats.push_back(uint32_t(i)), active.push_back(i % 3 != 0), dDistance.push_back(u());
-        ScreenGradient<float> d{};
-        for (float* x : {&d.mean[0], &d.mean[1], &d.conic[0], &d.conic[1], &d.conic[2], &d.opacity}) *x = u();
-        if (i % 50 == 1) d.opacity = NAN; // sits out
-        dSplats.push_back(d);
-    }
-    const size_t stride = channelStride(6);
-    dColors.resize(splats.size() * stride);
-    for (float& d : dColors) d = u();
-    for (size_t v = 0; v < splats.size(); ++v) dColors[v * stride + 5] = dDistance[v];
-    Camera camera;
-    camera.width = 64, camera.height = 48, camera.fx = camera.fy = 80, camera.cx = 32, camera.cy = 24;
-    camera.worldFromCamera = glm::dmat4(1);
-    camera.worldFromCamera[3] = glm::dvec4(0, 0, 4, 1);
-    const View<float> view = makeView<float>(camera, 0.1f);
-    const GeometryRates rates{0.01f, 0.02f, 0.03f, 0.04f};
-    const SplatGeometry before = cpu;
-    std::vector<AmbientRow> ambientCpu = ambient;
-    stepGeometry(cpu, view, splats, dSplats.data(), dDistance.data(), active.data(), rates, 3, 1e-3f);
-    std::vector<float> colorsCpu(splats.size() * stride, 0.5f);
-    for (size_t v = 0; v < splats.size(); ++v)
-        for (size_t c = 0; c < 3; ++c) {
-            for (size_t l = 0; l < 2; ++l) colorsCpu[v * stride + 3 * l + c] += std::exp(ambient[splats[v]].value[c]);
-            if (active[v]) stepAmbientChannel(ambientCpu[splats[v]], c, dColors[v * stride + c] + dColors[v * stride + 3 + c], 0.02f);
-        }
-
-    for (const Emulation& order : kOrders) {
-        Device device(order);
-        const auto up = [&](auto& buffer, const auto& values) { buffer.upload(device, std::span(values.data(), values.size())); };
-        Buffer<GeometryRow> raw, momentum, second;
-        Buffer<GaussianGeometry<float>> activated;
-        Buffer<uint32_t> fromVisible;
-        Buffer<ScreenGradient<float>> d;
-        Buffer<uint8_t> on;
-        Buffer<float> colors, gradients;
-        Buffer<AmbientRow> rows;
-        up(raw, before.raw), up(momentum, before.momentum), up(second, before.second), up(activated, before.activated), up(fromVisible, splats), up(d, dSplats);
-        up(on, active), up(gradients, dColors), up(rows, ambient), up(colors, std::vector<float>(splats.size() * stride, 0.5f));
-        TileView tiles{};
-        tiles.splatFromVisible = fromVisible.data(), tiles.visibleCount = uint32_t(splats.size());
-        stepGeometry(device, {raw.data(), momentum.data(), second.data(), activated.data()}, view, tiles, d.data(), gradients.data(), int(stride), 5, on.data(),
-                     GeometryAdam(rates, 3), 1e-3f);
-        addAmbient(device, tiles, rows.data(), 2, colors.data());
-        stepAmbient(device, tiles, gradients.data(), 2, on.data(), 0.02f, rows.data());
-        float most = 0, mostAmbient = 0, mostColor = 0;
-        for (size_t i = 0; i < kCount; ++i) {
-            for (size_t k = 0; k < kGeometryParameters; ++k) most = std::max(most, std::abs(raw.data()[i][k] - cpu.raw[i][k]));
-            most = std::max(most, std::abs(activated.data()[i].opacity - cpu.activated[i].opacity));
-            for (size_t c = 0; c < 3; ++c) mostAmbient = std::max(mostAmbient, std::abs(rows.data()[i].value[c] - ambientCpu[i].value[c]));
-        }
-        for (size_t k = 0; k < colorsCpu.size(); ++k) mostColor = std::max(mostColor, std::abs(colors.data()[k] - colorsCpu[k]));
-        CHECK(most < 1e-6f); // the CPU's exponential
-        CHECK(mostAmbient == 0);
-        CHECK(mostColor < 1e-6f);
     }
 }
