@@ -1,5 +1,6 @@
 // From Gaussians to tile lists, as render/tiles.h, in the same order: splats are projected and their tiles counted, the visible joined and sorted
-// front to back, their pairs of splat and tile written and sorted by tile. The host waits once, for two counts.
+// front to back, their pairs of splat and tile written and sorted by tile. The host waits once, for two counts. A view moves about 320 bytes for each visible
+// splat (80 of them to sort), 52 for each other, and 90 for each pair (40 to sort, up to 65536 tiles).
 #pragma once
 
 #include "device/radix_sort.h"
