@@ -188,6 +188,7 @@ const PlantedShader kPlantedShaders[] = {
     {"no cap of 1/r^2", "1.0 / max(distance2, row0.w)", "1.0 / distance2", "light in a splat, nearer than its own radius"},
     {"no low-pass", "float det = detRaw + uLowPass * (xx + yy + uLowPass)", "float det = detRaw", "a splat of a tenth of a pixel fades with its area"},
     {"no clamp of T_dir", "t = max(t, 0.0) * s.falloff", "t = t * s.falloff", "T_dir negative everywhere: clamped"},
+    {"quads whose corners lie anywhere", "> FARTHEST_REACH", "> 1e30", "condition 1e10: needles across the scene"},
 };
 
 } // namespace
