@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #define NACRE_DEVICE __device__
+#define NACRE_UNROLL _Pragma("unroll") // before a loop over an array that has to be in registers
 
 namespace nacre::cuda {
 

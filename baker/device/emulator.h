@@ -11,6 +11,7 @@
 #include <typeinfo>
 
 #define NACRE_DEVICE
+#define NACRE_UNROLL
 
 namespace nacre::emulated {
 

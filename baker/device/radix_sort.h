@@ -57,6 +57,7 @@ struct MoveDigits {
         const size_t blockFirst = size_t(t.block()) * kSortBlock, warpFirst = blockFirst + t.warp() * kWarp * kSortItems;
         uint32_t* const ofWarp = s.ofWarp[t.warp()];
         uint32_t key[kSortItems] = {}, rank[kSortItems] = {};
+        NACRE_UNROLL
         for (uint32_t k = 0; k < kSortItems; ++k) {
             if (warpFirst + k * kWarp >= count) continue; // all lanes alike
             const size_t i = warpFirst + k * kWarp + t.lane();
@@ -83,6 +84,7 @@ struct MoveDigits {
             s.ofWarp[w][t.thread()] = next, next += n;
         }
         t.sync();
+        NACRE_UNROLL
         for (uint32_t k = 0; k < kSortItems; ++k) {
             const size_t i = warpFirst + k * kWarp + t.lane();
             if (i >= count) continue;
