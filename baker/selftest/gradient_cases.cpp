@@ -19,9 +19,9 @@ std::vector<Case> gradientCases()
     };
 
     add("a cloud", kRounding, [] { return bigsScene(60, 4, 3); });
-    add("condition 1e4", {1e-2, "terms some 100 times the sum cancel"}, [=] { return shaped({0.1f, 0.1f, 1e-3f}); });
-    add("condition 1e8", {5e-2, "terms some 1e4 times the sum cancel"}, [=] { return shaped({10, 1e-3f, 1e-3f}); });
-    add("splats of a hundredth of a pixel", {1e-2, "the slope of the compensation is 1 / scale"}, [=] { return shaped({2e-3f, 1e-3f, 1.5e-3f}); });
+    add("condition 1e4", {1e-4, "float32 sums of some 1,000 pixels whose terms cancel"}, [=] { return shaped({0.1f, 0.1f, 1e-3f}); });
+    add("condition 1e8", {2e-3, "terms some 1e4 times the sum cancel, at 6e-8 of them"}, [=] { return shaped({10, 1e-3f, 1e-3f}); });
+    add("splats of a hundredth of a pixel", {1e-4, "the slope of the compensation is 1 / scale, relative errors stay"}, [=] { return shaped({2e-3f, 1e-3f, 1.5e-3f}); });
     add("opacity 1: a capped splat feels no geometry where it is capped", {1e-3, "a pixel at the cap may fall on either side of it"}, [] {
         Scene scene = bigsScene(20, 0, 3);
         for (size_t i = 0; i < 20; ++i) scene.asset.cloud.opacities[i] = 1, scene.asset.cloud.scales[i] = {0.2f, 0.15f, 0.1f};
@@ -32,9 +32,9 @@ std::vector<Case> gradientCases()
         for (size_t i = 0; i < 20; ++i) scene.asset.cloud.positions[i] = glm::vec3(0), scene.asset.cloud.opacities[i] = 0.2f;
         return scene;
     });
-    add("5,000 faint layers", {2e-2, "what lies behind a splat is a difference of two sums of 5,000"}, [] { return layers(5000, 0.01f); });
-    add("5,000 solid layers", {2e-2, "what lies behind a splat is a difference of two sums"}, [] { return layers(5000, 1); });
-    add("camera in the cloud", {2e-2, "splats near the camera are larger than the frame"}, [] {
+    add("5,000 faint layers", {1e-3, "what lies behind a splat is a difference of two sums of 5,000 terms, at 6e-8 each"}, [] { return layers(5000, 0.01f); });
+    add("5,000 solid layers", {1e-3, "what lies behind a splat is a difference of two sums, and alpha is nearly 1"}, [] { return layers(5000, 1); });
+    add("camera in the cloud", {1e-3, "splats near the camera are larger than the frame"}, [] {
         Scene scene = bigsScene(200, 4, 4);
         scene.camera = cameraAt({0, 0, 0}, {0.3, 0.2, -1});
         return scene;
