@@ -14,6 +14,7 @@
 
 #include "render/raster.h"
 #include "render/simd_math-inl.h"
+#include "render/tile_splat.h"
 
 #include <hwy/cache_control.h>
 
@@ -28,11 +29,6 @@ namespace nacre {
 constexpr int kMomentFloats = 8;      // 6 used
 constexpr int gradientStride(int channels) { return channelStride(channels) + kMomentFloats; } // sums per channel, then the moments
 constexpr int weightChannel(int channels) { return channelStride(channels) - 1; } // its gradient is 1, so its sum is the total blending weight
-
-/// One splat as a tile sees it: position from the tile centre, exponent in base 2.
-struct TileSplat {
-    float x, y, a, b, c, logOpacity;
-};
 
 /// Per-thread scratch of one tile.
 struct TileScratch {
@@ -138,7 +134,7 @@ HWY_INLINE Alpha splatAlpha(const TileSplat& s, V px, V py, V transmittance)
     const V power = hn::Sub(hn::Set(d, s.logOpacity), q);
     const V cap = hn::Set(d, kMaxAlpha);
     Alpha r;
-    r.on = hn::And(hn::Ge(power, hn::Set(d, -7.99435344f /* log2 kMinAlpha */)),
+    r.on = hn::And(hn::Ge(power, hn::Set(d, kMinLogAlpha)),
                    hn::Ge(transmittance, hn::Set(d, kMinTransmittance)));
     const V raw = exp2(D(), hn::Max(power, hn::Set(d, -126.0f)));
     r.capped = hn::Ge(raw, cap);
@@ -219,7 +215,6 @@ HWY_NOINLINE void backwardBlock(TileScratch& s, const TileEntry* entries, const 
 void prepareTile(const VisibleSplats& visible, const TileEntry* entries, size_t count, const float* colors, int stride,
                  const TileFrame& frame, TileScratch& s)
 {
-    constexpr float kLog2E = 1.44269504f;
     constexpr size_t kAhead = 8; // a tile's splats lie anywhere among the visible: fetch them and their colours before they are needed
     s.splats.resize(count);
     s.lists.resize(16 * count);
@@ -231,8 +226,7 @@ void prepareTile(const VisibleSplats& visible, const TileEntry* entries, size_t 
             hwy::Prefetch(&visible.projected[next]), hwy::Prefetch(colors + next * size_t(stride));
         }
         const ProjectedGaussian<float>& g = visible.projected[entries[i].visible];
-        s.splats[i] = {g.mean[0] - centerX,        g.mean[1] - centerY,       0.5f * kLog2E * g.conic[0], kLog2E * g.conic[1],
-                       0.5f * kLog2E * g.conic[2], std::log2(g.opacity)};
+        s.splats[i] = tileSplat(g, centerX, centerY);
         for (uint32_t mask = entries[i].blockMask; mask; mask &= mask - 1) {
             const int block = std::countr_zero(mask);
             s.lists[block * count + s.listSize[block]++] = uint32_t(i);
@@ -398,12 +392,7 @@ void rasterBackward(const VisibleSplats& visible, const TileLists& tiles, const 
                 m[4] += r[4] - x * r[2] - y * r[1] + x * y * r[0];
                 m[5] += r[5] - 2 * y * r[2] + y * y * r[0];
             }
-            ScreenGradient<float>& d = dSplats[v];
-            d.mean[0] = s.conic[0] * m[1] + s.conic[1] * m[2];
-            d.mean[1] = s.conic[1] * m[1] + s.conic[2] * m[2];
-            d.conic[0] = -0.5f * m[3], d.conic[1] = -m[4], d.conic[2] = -0.5f * m[5];
-            d.opacity = m[0] / s.opacity;
-            d.weight = dColor[stride - 1];
+            dSplats[v] = screenGradient(s, m, dColor[stride - 1]);
             dColor[stride - 1] = 0.0f;
         }
     });

@@ -159,11 +159,8 @@ LossStats CpuEngine::step(const Camera& camera, std::span<const Light> lights, c
     figures_.active = 0;
     for (size_t v = 0; v < visible.count(); ++v) {
         const size_t i = visible.splatFromVisible[v];
-        active_[v] = dSplats_[v].weight > kActiveWeight;
-        if (!active_[v]) continue;
-        ++figures_.active;
-        state_.gradientSum[i] += gradientScale * std::sqrt(dSplats_[v].mean[0] * dSplats_[v].mean[0] + dSplats_[v].mean[1] * dSplats_[v].mean[1]);
-        ++state_.seen[i];
+        active_[v] = addActivity(dSplats_[v], gradientScale, state_.gradientSum[i], state_.seen[i]);
+        figures_.active += active_[v];
     }
     // Geometry moves after the appearance has used it: both gradients belong to the same state.
     clock.end(kStageGeometryBack);

@@ -5,6 +5,7 @@
 #include "appearance/evidence.h"
 #include "render/reference_raster.h"
 #include "train/loss.h"
+#include "train/splat_activity.h"
 #include "train/splat_state.h"
 
 #include <array>
@@ -15,7 +16,6 @@
 
 namespace nacre {
 
-constexpr float kActiveWeight = 2e-3f; // a splat whose blending weights sum to less than this over the image does not learn from it
 constexpr float kOpacityPull = 1e-8f;  // far below the gradient of a splat that matters
 
 struct StepOptions {
