@@ -59,17 +59,18 @@ std::vector<Case> sssCases()
     const auto add = [&](const char* name, Bound bound, auto scene) {
         return &cases.emplace_back(Case{.name = name, .quantity = kImageOf, .bound = bound, .scene = scene, .gl = kHalves});
     };
+    constexpr Bound kPeak{1e-3, "the half vector is rounded by 6e-8, a highlight is 1.6e-3 wide"};
     // straight on: D = 1 / (pi r^4), masking 1 / 4, Fresnel 0.04, half of it covered
     const double r = double(kSssMinRoughness), solid = 0.5 * 36 / (36 + double(0.1f));
 
     add("sss: roughness 0, straight on", {1e-3, "the mirror image of a pixel's ray leaves the peak of 0.1 degrees within its frame"}, [] { return wall({0, 0, 1}, 0, 0, {0, 0, 1}); })->known =
         {{4, 4, 2, solid * (0.04 / (4 * 3.14159265358979 * r * r * r * r) + 0.96 * double(0.1f) / 3.14159265358979)}};
-    add("sss: roughness 0, oblique", {0.1, "n.h is rounded by 6e-8, 1 - (n.h)^2 by twice that, against alpha^2 of 2.6e-6"}, [] { return wall({1, 0, 1}, 0, 0, {1, 0, 0}); })->gl = {0.1, "as in float32: this normal is exact in halves"};
-    add("sss: roughness 0, a normal that halves round", {0.1, "n.h is rounded by 6e-8, 1 - (n.h)^2 by twice that, against alpha^2 of 2.6e-6"}, [] {
+    add("sss: roughness 0, oblique", kPeak, [] { return wall({1, 0, 1}, 0, 0, {1, 0, 0}); })->gl = {2e-3, "this normal is exact in halves, roughness and alpha are rounded to 2^-11"};
+    add("sss: roughness 0, a normal that halves round", kPeak, [] {
         const glm::vec3 n = glm::normalize(glm::vec3(0.31f, -0.2f, 0.8f));
         return wall(n, 0, 0, 2 * n.z * n - glm::vec3(0, 0, 1));
     })->gl = {0.2, "normals in halves err by 5e-4, whose square is a tenth of alpha^2"};
-    add("sss: roughness 0, light and eye grazing", {0.1, "n.h is rounded by 6e-8, 1 - (n.h)^2 by twice that, against alpha^2 of 2.6e-6"}, [] { return wall({0, 0, 1}, 0, 0, {-1, 0, 0.01f}, {2, 0, 0.02}); })->gl = {0.5, "normals in halves err by 5e-4, a third of the highlight's width"};
+    add("sss: roughness 0, light and eye grazing", kPeak, [] { return wall({0, 0, 1}, 0, 0, {-1, 0, 0.01f}, {2, 0, 0.02}); })->gl = {0.5, "normals in halves err by 5e-4, a third of the highlight's width"};
     add("sss: roughness 1 at a grazing angle", kRounding, [] { return wall({0, 0, 1}, 1, 0, {1, 0, 1e-3f}, {2, 0, 0.02}); });
     add("sss: black metal and white metal", kRounding, [] {
         Scene scene = sssScene(60, false, 3);

@@ -32,7 +32,9 @@ NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, con
     }
     const T dD = dSpecular * o.vis, dVis = dSpecular * o.d;
     const T dA2 = dD * (o.d / o.a2 - T(2) * o.d * o.nh * o.nh * o.inverseQ);
-    const T dNh = select((o.nh > zero) & (o.nh < one), dD * T(-4) * o.d * o.nh * (o.a2 - one) * o.inverseQ, zero);
+    const T dQ = dD * T(-2) * o.d * o.inverseQ;
+    const T dSine2 = select(o.nh > zero, dQ, zero); // sine2 = |n|^2 |h|^2 - (n.h)^2 with n and h of length one
+    const T dNh = select((o.nh > zero) & (o.nh < one), dQ * T(2) * o.nh * o.a2, zero) - T(2) * dSine2 * o.nh;
     dNl -= dVis * o.vis * (one - o.k) * o.inverseGl;
     const T dNv = select(o.nv > zero, -dVis * o.vis * (one - o.k) * o.inverseGv, zero);
     const T dK = -dVis * o.vis * ((one - o.nl) * o.inverseGl + (one - o.nv) * o.inverseGv);
@@ -44,7 +46,7 @@ NACRE_HD inline void sssReflectBackward(const SssSurface<T>& s, const T* wo, con
     T dHalf[3], along = zero;
     for (int c = 0; c < 3; ++c) {
         dHalf[c] = dNh * s.normal[c] + dVh * wo[c], along += dHalf[c] * o.half[c];
-        d.normal[c] += dNl * wi[c] + dNv * wo[c] + dNh * o.half[c];
+        d.normal[c] += dNl * wi[c] + dNv * wo[c] + dNh * o.half[c] + T(2) * dSine2 * s.normal[c];
         d.wi[c] += dNl * s.normal[c];
         d.wo[c] += dNv * s.normal[c] + dVh * o.half[c];
     }

@@ -18,7 +18,8 @@ vec3 sssReflect(SssSurface s, vec3 wo, vec3 wi, float widening)
     float nh = clamp(dot(s.normal, h), 0.0, 1.0), vh = clamp(dot(wo, h), 0.0, 1.0);
     float r = clamp(s.roughness, MIN_ROUGHNESS, 1.0);
     float a2 = min(r * r * r * r + widening, 1.0), k = (r + 1.0) * (r + 1.0) / 8.0;
-    float q = (1.0 - nh * nh) + nh * nh * a2;
+    vec3 across = cross(s.normal, h);
+    float q = (nh > 0.0 ? dot(across, across) : 1.0) + nh * nh * a2;
     float d = halved ? a2 / (3.14159265358979 * q * q) : 0.0;
     float masking = 1.0 / (4.0 * (nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));
     float m = 1.0 - vh;

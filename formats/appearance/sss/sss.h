@@ -39,6 +39,7 @@ struct SssSurface {
 template <class T>
 struct SssReflection {
     T nl, nv, nh, vh, inverseHalf, half[3]; // cosines, clamped at 0; 1 / length and direction of w_i + w_o (0 if there is none)
+    T sine2;                               // 1 - nh^2
     T r, k, a2, inverseQ, d, inverseGl, inverseGv, vis, p;
     T f0[3], fresnel[3];
     T value[3];                            // f * nl
@@ -68,7 +69,15 @@ NACRE_HD inline SssReflection<T> sssReflect(const SssSurface<T>& s, const T* wo,
     o.a2 = o.r * o.r * o.r * o.r + widening;
     o.a2 = select(o.a2 < one, o.a2, one);
     o.k = (o.r + one) * (o.r + one) * T(0.125);
-    o.inverseQ = one / ((one - o.nh * o.nh) + o.nh * o.nh * o.a2);
+    // |n x h|^2: one minus a square of nearly one would be off by 1e-7, a tenth of the peak at the least roughness.
+    T across2 = zero;
+    for (int c = 0; c < 3; ++c) {
+        const int p = (c + 1) % 3, q = (c + 2) % 3;
+        const T across = s.normal[p] * o.half[q] - s.normal[q] * o.half[p];
+        across2 += across * across;
+    }
+    o.sine2 = select(o.nh > zero, across2, one);
+    o.inverseQ = one / (o.sine2 + o.nh * o.nh * o.a2);
     o.d = select(o.inverseHalf > zero, o.a2 * T(kSssInversePi) * o.inverseQ * o.inverseQ, zero);
     o.inverseGl = one / (o.nl * (one - o.k) + o.k), o.inverseGv = one / (o.nv * (one - o.k) + o.k);
     o.vis = T(0.25) * o.inverseGl * o.inverseGv;
