@@ -177,6 +177,7 @@ HWY_AFTER_NAMESPACE();
 #include "base/color.h"
 #include "base/half.h"
 #include "train/display_code.h"
+#include "train/loss_pixel.h"
 
 #include <tbb/parallel_for.h>
 
@@ -217,11 +218,7 @@ void objectErrors(const float* planes, const PreparedImage* const* references, i
         for (size_t i = y * width; i < (y + 1) * width; ++i) {
             errors[i] = 0;
             for (int plane = 0; plane < 3 * imageCount; ++plane) {
-                const std::vector<uint16_t>& reference = references[plane / 3]->planes;
-                if (reference[3 * pixels + i] < 32768) continue;
-                const float x = srgbFromLinear(std::clamp(planes[size_t(plane) * pixels + i], 0.0f, 1.0f));
-                const float difference = x - float(reference[size_t(plane % 3) * pixels + i]) / 65535.0f;
-                errors[i] += difference * difference;
+                errors[i] += objectError(planes[size_t(plane) * pixels + i], references[plane / 3]->planes.data(), pixels, size_t(plane % 3), i);
             }
         }
     });
@@ -295,7 +292,6 @@ LossStats ImageLoss::evaluate(const float* planes, const PreparedImage* const* r
 // Unknown pixels are black in both and have no slope. `samples`: values that are known.
 void ImageLoss::addDssim(const PreparedImage* const* references, int imageCount, size_t samples, float lambda, float* dPlanes, double* loss)
 {
-    constexpr float c1 = float(kSsimC1), c2 = float(kSsimC2);
     const int width = references[0]->width, height = references[0]->height, channels = 3 * imageCount;
     const size_t pixels = size_t(width) * height;
     blurred_.resize(channels * pixels * 5), scratch_.resize(channels * pixels * 3);
@@ -323,13 +319,9 @@ void ImageLoss::addDssim(const PreparedImage* const* references, int imageCount,
                 ma[i] = maa[i] = mab[i] = 0;
                 continue;
             }
-            const float va = maa[i] - ma[i] * ma[i], vb = mbb[i] - mb[i] * mb[i], vab = mab[i] - ma[i] * mb[i];
-            const float n1 = 2 * ma[i] * mb[i] + c1, n2 = 2 * vab + c2, d1 = ma[i] * ma[i] + mb[i] * mb[i] + c1, d2 = va + vb + c2;
-            const float s = n1 * n2 / (d1 * d2);
-            sum += 1.0 - double(s);
-            const float dVa = -s / d2, dVab = 2 * n1 / (d1 * d2);
-            const float dMa = 2 * mb[i] * n2 / (d1 * d2) - s * 2 * ma[i] / d1 - 2 * ma[i] * dVa - mb[i] * dVab;
-            ma[i] = dMa, maa[i] = dVa, mab[i] = dVab;
+            const SsimPixel at = ssimPixel(ma[i], mb[i], maa[i], mbb[i], mab[i]);
+            sum += 1.0 - double(at.ssim);
+            ma[i] = at.dMa, maa[i] = at.dMaa, mab[i] = at.dMab;
         }
         sums[p] = sum;
         blur(ma, width, height, temp, product);
