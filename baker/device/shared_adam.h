@@ -42,37 +42,59 @@ struct DeviceAdamLevel {
     SharedAdam::Correction correction;
 };
 
+constexpr uint32_t kAdamThreads = 256;
+struct AdamSums {
+    double sum[2][kAdamThreads];
+    /// The sums over a block's threads, in sum[..][0].
+    NACRE_DEVICE void add(const Thread& t, const double own[2])
+    {
+        for (int k = 0; k < 2; ++k) sum[k][t.thread()] = own[k];
+        for (uint32_t half = kAdamThreads / 2; half > 0; half /= 2) {
+            t.sync();
+            if (t.thread() < half)
+                for (int k = 0; k < 2; ++k) sum[k][t.thread()] += sum[k][t.thread() + half];
+        }
+        t.sync();
+    }
+};
+
+/// The groups' moments, and the sum of a block's second moments. Floor: 16 bytes a group, 64 of one that takes part.
 struct LearnGroups {
-    static constexpr uint32_t kThreads = 128;
+    static constexpr uint32_t kThreads = kAdamThreads;
+    using Shared = AdamSums;
     DeviceAdamLevel level;
     const float* sums;
     const uint8_t* on;
     SharedAdam::Rates rates;
-    NACRE_DEVICE void operator()(const Thread& t) const
-    {
-        const size_t g = t.index();
-        if (g < level.groups && on[g]) SharedAdam::learn(sums + g * kAdamNumbers, rates, level.momentum + g * kAdamNumbers, level.second + 2 * g);
-    }
-};
-
-/// From all groups' second moments, by one block: sums of every 256th, then of those.
-struct FindStill {
-    static constexpr uint32_t kThreads = 256;
-    struct Shared { double sum[2][kThreads]; };
-    DeviceAdamLevel level;
+    double* ofBlocks; // [blocks][2]
     NACRE_DEVICE void operator()(const Thread& t) const
     {
         Shared& s = t.shared<Shared>();
-        double sum[2] = {};
-        for (size_t g = t.thread(); g < level.groups; g += kThreads)
-            for (int k = 0; k < 2; ++k) sum[k] += double(level.second[2 * g + size_t(k)]);
-        for (int k = 0; k < 2; ++k) s.sum[k][t.thread()] = sum[k];
-        for (uint32_t half = kThreads / 2; half > 0; half /= 2) {
-            t.sync();
-            if (t.thread() < half)
-                for (int k = 0; k < 2; ++k) s.sum[k][t.thread()] += s.sum[k][t.thread() + half];
+        const size_t g = t.index();
+        double own[2] = {};
+        if (g < level.groups) {
+            if (on[g]) SharedAdam::learn(sums + g * kAdamNumbers, rates, level.momentum + g * kAdamNumbers, level.second + 2 * g);
+            for (size_t k = 0; k < 2; ++k) own[k] = double(level.second[2 * g + k]);
         }
-        t.sync();
+        s.add(t, own);
+        if (t.thread() < 2) ofBlocks[size_t(2) * t.block() + t.thread()] = s.sum[t.thread()][0];
+    }
+};
+
+/// By one block, from the sums of LearnGroups'.
+struct FindStill {
+    static constexpr uint32_t kThreads = kAdamThreads;
+    using Shared = AdamSums;
+    DeviceAdamLevel level;
+    const double* ofBlocks;
+    uint32_t blocks;
+    NACRE_DEVICE void operator()(const Thread& t) const
+    {
+        Shared& s = t.shared<Shared>();
+        double own[2] = {};
+        for (size_t b = t.thread(); b < blocks; b += kThreads)
+            for (size_t k = 0; k < 2; ++k) own[k] += ofBlocks[2 * b + k];
+        s.add(t, own);
         if (t.thread() < 2) level.still[t.thread()] = SharedAdam::floorOf(s.sum[t.thread()][0], level.groups, level.correction);
     }
 };
@@ -145,8 +167,10 @@ public:
                        SumGroups{gradient, active, level.sums.data(), level.on.data(), below, level.groups, SharedAdam::kShifts[j] - SharedAdam::kShifts[j - 1]});
                 gradient = level.sums.data(), active = level.on.data();
             }
-            launch(device, blocksFor(level.groups, LearnGroups::kThreads), LearnGroups{out.at[j], gradient, active, rates});
-            launch(device, level.groups > 0, FindStill{out.at[j]});
+            const uint32_t blocks = blocksFor(level.groups, LearnGroups::kThreads);
+            ofBlocks_.reserve(device, size_t(2) * blocks);
+            launch(device, blocks, LearnGroups{out.at[j], gradient, active, rates, ofBlocks_.data()});
+            launch(device, blocks > 0, FindStill{out.at[j], ofBlocks_.data(), blocks});
         }
         return out;
     }
@@ -161,6 +185,7 @@ private:
     Level level_[kAdamLevels];
     int levels_ = kAdamLevels;
     Buffer<float> still_;
+    Buffer<double> ofBlocks_;
 };
 
 } // namespace nacre::NACRE_BACKEND

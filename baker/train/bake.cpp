@@ -21,6 +21,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 namespace nacre {
 
@@ -28,6 +29,9 @@ namespace {
 
 constexpr double kReportSeconds = 0.5;
 constexpr double kTrackEvery = 0.05; // of the bake, with trackHeldOut
+// When masks are learnt, of the bake: before it judges what the object can do without, for what shines through it has no shadows. (A vase on a table in a room,
+// 80 photographs with the flash, 4000 steps, masked: never 12.4 dB, at 0.35 11.9, at 0.18 14.1, at 0.1 13.5; given masks 16.2.)
+constexpr double kMasksAt = 0.18, kLeastObject = 1e-3; // of all pixels
 
 /// PSNR of the training images, from the steps' own renders.
 class TrainingPsnr {
@@ -71,7 +75,9 @@ private:
     Status lookAhead(double progress);
     Status showEvidence(double progress);
     Status checkpoint();
-    void cutBackground();
+    std::string cutBackground();
+    Status learnMasks(double progress);
+    void useMasks();
     Result<BakeResult> finish();
     Status tick(const char* stage, double progress);
     void report(const char* stage, double progress);
@@ -93,6 +99,7 @@ private:
     std::unique_ptr<TrainingSteps> steps_;
     double recentPsnr_ = 0;
     bool checkpointFailed_ = false;
+    bool maskless_ = false; // masks could not be learnt
     BakeState state_;
     BakeResult result_;
 };
@@ -149,13 +156,14 @@ Status Bake::resume()
 {
     auto bytes = readFile(options_.checkpointPath, std::numeric_limits<size_t>::max());
     if (!bytes) return bytes.error();
-    auto state = decodeCheckpoint(*bytes, identity(), *trainer_);
+    auto state = decodeCheckpoint(*bytes, identity(), preparation_.split->cameras.size(), *trainer_);
     if (!state) return Error{state.error().code, options_.checkpointPath + ": " + state.error().message};
     state_ = std::move(*state);
     if (refinement_ && !refinement_->restore(std::move(state_.lights)))
         return Error{ErrorCode::kBadInput,
                      options_.checkpointPath +
                          ": checkpoint does not fit the lights of this dataset; start again with --restart"};
+    if (state_.masks) useMasks();
     schedule_.resume(state_.seconds);
     return ok();
 }
@@ -196,6 +204,48 @@ Status Bake::showEvidence(double progress)
     return goesOn;
 }
 
+void Bake::useMasks()
+{
+    preparation_.images->useMasks(*state_.masks);
+    trainer_->weighAlpha(LossOptions().alphaWeight);
+}
+
+// Images without masks get those that the splats of the object cover, and the splats of the surroundings have served. Once, and not if hardly anything was found.
+Status Bake::learnMasks(double progress)
+{
+    if (state_.masks || maskless_ || !preparation_.region || options_.keepBackground || progress < kMasksAt) return ok();
+    const OlatSplit& split = *preparation_.split;
+    auto masks = std::make_shared<LearntMasks>(split.cameras.size());
+    ByteWriter before;
+    trainer_->save(before);
+    const std::string cut = cutBackground();
+    std::vector<uint8_t> drawn(split.cameras.size());
+    std::vector<float> planes;
+    Status goesOn = ok();
+    for (const OlatImage& image : split.images) {
+        if (std::exchange(drawn[image.camera], uint8_t(1)) || !(goesOn = tick("masks", progress))) continue;
+        const Camera& camera = split.cameras[image.camera];
+        const size_t pixels = size_t(camera.width) * size_t(camera.height);
+        trainer_->render(camera, std::span(&image.light, 1), planes);
+        masks->set(image.camera, camera.width, camera.height, planes.data() + 3 * pixels);
+    }
+    const LearntMasks::Shares shares = masks->shares();
+    if (!goesOn || shares.object < kLeastObject) { // as if nothing had been tried
+        ByteReader bytes(before.bytes);
+        if (!trainer_->load(bytes)) return Error{ErrorCode::kIo, "the trainer refuses its own state; please report this"};
+        if (!goesOn) return goesOn;
+        maskless_ = true;
+        result_.warnings.push_back("no masks, and the splats cover too little to draw any (" + cut + "): the surroundings may shine through the object; give masks, or --bounds");
+        return ok();
+    }
+    state_.masks = masks, state_.stepsSinceReset = 0;
+    char text[160];
+    std::snprintf(text, sizeof text, "; from step %d on by masks that these cover, %.1f %% of the pixels and %.1f %% left open", state_.step, 100 * shares.object, 100 * shares.unknown);
+    result_.cut = cut + text;
+    useMasks();
+    return ok();
+}
+
 Result<LossStats> Bake::step(double progress)
 {
     const int next = state_.step + 1;
@@ -234,7 +284,8 @@ Status Bake::train()
             state_.nextTrack = (std::floor(progress / kTrackEvery) + 1) * kTrackEvery;
         }
 
-        Status ready = lookAhead(progress);
+        Status ready = learnMasks(progress);
+        if (ready) ready = lookAhead(progress);
         if (ready) ready = showEvidence(progress);
         if (!ready) {
             if (Status written = checkpoint(); !written) return written;
@@ -265,7 +316,7 @@ Status Bake::train()
     return ok();
 }
 
-void Bake::cutBackground()
+std::string Bake::cutBackground()
 {
     const size_t before = trainer_->count();
     const ObjectCut cut = trainer_->keepObject(*preparation_.region, preparation_.split->cameras);
@@ -274,14 +325,14 @@ void Bake::cutBackground()
     std::snprintf(text, sizeof text, "no masks: kept %zu of %zu splats; cut off are %zu outside of the object's bounds %.4g,%.4g,%.4g,%.4g, %zu %s and %zu loose ones",
                   trainer_->count(), before, cut.outside, centre.x, centre.y, centre.z, double(preparation_.region->radius) * dataset_.frame.scale, cut.below,
                   cut.plane ? "of the plane it stands on and below" : "below (no plane that it stands on was found)", cut.loose);
-    result_.cut = text;
+    return text;
 }
 
 Result<BakeResult> Bake::finish()
 {
     SplatAsset& asset = result_.asset;
     asset.model = options_.model;
-    if (preparation_.region && !options_.keepBackground) cutBackground();
+    if (preparation_.region && !options_.keepBackground && !state_.masks) result_.cut = cutBackground();
     trainer_->exportTo(asset);
     leaveOutZeroRows(asset);
     if (asset.cloud.count == 0)

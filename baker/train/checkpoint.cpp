@@ -12,7 +12,7 @@ namespace nacre {
 
 namespace {
 
-constexpr uint32_t kMagic = 0x504b434e, kVersion = 13;
+constexpr uint32_t kMagic = 0x504b434e, kVersion = 14;
 
 Error bad(const std::string& what) { return {ErrorCode::kBadInput, what + "; start again with --restart"}; }
 
@@ -75,6 +75,8 @@ std::vector<std::byte> encodeCheckpoint(const std::string& identity, const std::
     for (const UnusableImage& image : skipped) out.array(image.path), out.array(image.why);
     out.value(state.gain), out.value(state.step), out.value(state.stepsSinceReset), out.value(state.seconds), out.value(state.nextTrack);
     out.array(state.history), out.array(state.lights), out.array(state.parts);
+    out.value(state.masks != nullptr);
+    if (state.masks) state.masks->save(out);
     trainer.save(out);
     out.value(fnv1a(out.bytes.data(), out.bytes.size()));
     return std::move(out.bytes);
@@ -117,7 +119,7 @@ Result<double> learningGainOf(std::span<const std::byte> checkpoint)
     return start->second;
 }
 
-Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::string& identity, Trainer& trainer)
+Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::string& identity, size_t cameras, Trainer& trainer)
 {
     auto in = open(bytes);
     if (!in) return in.error();
@@ -129,6 +131,10 @@ Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::
     state.gain = in->value<double>(), state.step = in->value<int32_t>(), state.stepsSinceReset = in->value<int32_t>();
     state.seconds = in->value<double>(), state.nextTrack = in->value<double>();
     in->array(state.history), in->array(state.lights), in->array(state.parts);
+    if (in->value<bool>()) {
+        state.masks = std::make_shared<LearntMasks>(cameras);
+        if (!state.masks->load(*in)) return bad("checkpoint whose masks are damaged");
+    }
     if (in->failed || !trainer.load(*in) || in->remaining() != 0 || state.step < 0) return bad("checkpoint does not fit this model");
     return state;
 }

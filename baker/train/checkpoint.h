@@ -3,6 +3,7 @@
 
 #include "base/result.h"
 #include "train/bake.h"
+#include "train/learnt_masks.h"
 #include "train/trainer.h"
 
 #include <span>
@@ -20,6 +21,7 @@ struct BakeState {
     std::vector<HistoryPoint> history;
     std::vector<PartWorth> parts; // what was tried to leave out; empty until then
     std::vector<LightEvidence> lights; // with refineLights
+    std::shared_ptr<LearntMasks> masks; // of images that have none, once they have been learnt
 };
 
 /// Everything that shapes the result, as lines: model, quality, seed, caps, schedule, and a hash of the dataset. `options` as withDefaults
@@ -33,8 +35,8 @@ std::string identityDifference(const std::string& theirs, const std::string& our
 std::vector<std::byte> encodeCheckpoint(const std::string& identity, const std::vector<UnusableImage>& skipped, const BakeState& state,
                                         const Trainer& trainer);
 
-/// Errors kBadInput: damaged (checksum), from another bake (says what differs), does not fit. `trainer` is unusable after an error.
-Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::string& identity, Trainer& trainer);
+/// `cameras`: of the training images. Errors kBadInput: damaged (checksum), from another bake (says what differs), does not fit. `trainer` is unusable after an error.
+Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::string& identity, size_t cameras, Trainer& trainer);
 
 /// The images that the interrupted bake does without, so that it goes on without them whatever has become of the files.
 Result<std::vector<UnusableImage>> skippedImages(std::span<const std::byte> checkpoint);

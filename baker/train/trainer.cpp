@@ -12,10 +12,10 @@ constexpr float kDeadOpacity = 0.01f;
 constexpr double kMostOutside = 0.1;   // of all splats, around the object's region
 
 Trainer::Trainer(const TrainerOptions& options, std::unique_ptr<TrainableAppearance> appearance, const MakeStepEngine& makeEngine)
-    : options_(options), state_(std::make_unique<SplatState>())
+    : options_(options), makeEngine_(makeEngine), state_(std::make_unique<SplatState>())
 {
     state_->appearance = std::move(appearance);
-    engine_ = makeEngine(*state_, {options_.lowPassVariance, options_.sceneSize, options_.loss, options_.seed});
+    startEngine();
 }
 
 bool Trainer::prepareStep(double progress, const std::function<bool()>& goOn)
@@ -157,6 +157,15 @@ void Trainer::permute(const std::vector<uint32_t>& order)
     std::vector<AmbientRow> moved;
     for (uint32_t i : order) moved.push_back(state_->ambient[i]);
     state_->ambient = std::move(moved);
+}
+
+void Trainer::startEngine() { engine_ = makeEngine_(*state_, {options_.lowPassVariance, options_.sceneSize, options_.loss, options_.seed}); }
+
+void Trainer::weighAlpha(float weight)
+{
+    engine_->toHost();
+    options_.loss.alphaWeight = weight;
+    startEngine();
 }
 
 size_t Trainer::prune()

@@ -52,6 +52,8 @@ public:
     /// Drops the splats that are too faint to be drawn or have contributed to no pixel since resetStatistics. Returns how many.
     size_t prune();
     void resetStatistics();
+    /// LossOptions::alphaWeight from here on.
+    void weighAlpha(float weight);
     /// Cuts off everything but the object.
     ObjectCut keepObject(const ObjectRegion& region, const std::vector<Camera>& cameras);
 
@@ -72,7 +74,10 @@ private:
     void keepRows(const std::vector<uint32_t>& kept, const std::vector<uint32_t>& dropped);
     SplatCloud cloud() const;
 
+    void startEngine();
+
     TrainerOptions options_;
+    MakeStepEngine makeEngine_;
     std::unique_ptr<SplatState> state_; // where it is, so that the engine finds it when the trainer moves
     std::unique_ptr<StepEngine> engine_;
 };

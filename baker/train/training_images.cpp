@@ -29,6 +29,23 @@ TrainingImages::~TrainingImages()
 
 TrainingImages::Loaded TrainingImages::load(uint32_t imageIndex)
 {
+    Loaded image = loadWhole(imageIndex);
+    if (!image || !masks_) return image;
+    return Loaded(std::make_shared<const PreparedImage>(masks_->applied(**image, split_.images[imageIndex].camera)));
+}
+
+void TrainingImages::useMasks(const LearntMasks& masks)
+{
+    std::unique_lock lock(mutex_);
+    expected_.clear();
+    changed_.wait(lock, [&] { return loading_.empty(); });
+    masks_ = &masks;
+    entries_.clear(), recent_.clear(), ahead_.clear(), failed_.clear();
+    resident_ = aheadBytes_ = 0;
+}
+
+TrainingImages::Loaded TrainingImages::loadWhole(uint32_t imageIndex)
+{
     try {
         if (dataset_.packed && dataset_.shrink == 1) {
             const size_t block = split_.images[imageIndex].packedBlock;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "dataset/olat_dataset.h"
+#include "train/learnt_masks.h"
 #include "train/loss.h"
 
 #include <condition_variable>
@@ -27,6 +28,8 @@ public:
     /// These will be got next, in this order: threads in the background load them, as far as half of the budget holds them. What was expected
     /// before and not begun is not loaded any more.
     void expect(std::span<const uint32_t> images);
+    /// Masks for what is got from here on; must outlive this object.
+    void useMasks(const LearntMasks& masks);
     size_t residentBytes() const;
 
 private:
@@ -37,6 +40,7 @@ private:
     using Loaded = Result<std::shared_ptr<const PreparedImage>>;
 
     Loaded load(uint32_t imageIndex);
+    Loaded loadWhole(uint32_t imageIndex);
     void keep(uint32_t imageIndex, std::shared_ptr<const PreparedImage> image);
     void noLongerAhead(uint32_t imageIndex);
     void loadAhead();
@@ -45,6 +49,7 @@ private:
     const OlatSplit& split_;
     ImageCache files_;
     size_t budget_;
+    const LearntMasks* masks_ = nullptr; // changes only while nothing is being loaded
 
     mutable std::mutex mutex_;       // guards everything below
     std::condition_variable changed_;

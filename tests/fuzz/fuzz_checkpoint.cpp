@@ -37,7 +37,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size)
     }
     for (const char* model : kModels) {
         nacre::Trainer trainer = makeTrainer(model);
-        (void)nacre::decodeCheckpoint(bytes, "1", trainer);
+        (void)nacre::decodeCheckpoint(bytes, "1", 2, trainer);
         (void)nacre::skippedImages(bytes);
         (void)nacre::learningGainOf(bytes);
     }

@@ -7,6 +7,8 @@
 #include "train/bake.h"
 #include "train/object_region.h"
 
+#include <atomic>
+
 using namespace nacre;
 
 namespace {
@@ -144,7 +146,7 @@ TEST_CASE("every model: a small bake without masks has its splats at the object,
         options.maxSplats = 1200;
         const auto result = bake(dataset, options, nullptr, nullptr);
         if (!result) FAIL(result.error().message);
-        CHECK_FALSE(result->cut.empty());
+        CHECK(result->cut.find("by masks that these cover") != std::string::npos);
         REQUIRE(result->asset.cloud.count > 100);
         size_t near = 0;
         for (const glm::vec3& p : result->asset.cloud.positions) {
@@ -153,6 +155,18 @@ TEST_CASE("every model: a small bake without masks has its splats at the object,
             near += glm::length(p) < 0.5;
         }
         CHECK(double(near) > 0.7 * double(result->asset.cloud.count));
+        // Stopped after its masks were learnt, and resumed: the same.
+        options.checkpointPath = folder.file("a.ckpt");
+        std::atomic<bool> stop = false;
+        CHECK_FALSE(bake(dataset, options, [&](const BakeProgress& p) { stop = stop || p.stage == "masks"; }, &stop)); // gives up, and learns them once more
+        stop = false;
+        options.resume = true;
+        bool masked = false;
+        CHECK_FALSE(bake(dataset, options, [&](const BakeProgress& p) { masked = masked || p.stage == "masks", stop = masked && p.stage == "training"; }, &stop));
+        const auto rest = bake(dataset, options, nullptr, nullptr);
+        REQUIRE_MESSAGE(rest, (rest ? "" : rest.error().message));
+        CHECK(rest->asset.cloud.positions == result->asset.cloud.positions);
+        options.checkpointPath.clear(), options.resume = false;
         options.keepBackground = true;
         const auto all = bake(dataset, options, nullptr, nullptr);
         REQUIRE(all);

@@ -334,7 +334,7 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         train(trainer, 21, 40);
 
         Trainer resumed = sphereTrainer(100, 120, model.name);
-        auto after = decodeCheckpoint(bytes, "--seed 77\n", resumed);
+        auto after = decodeCheckpoint(bytes, "--seed 77\n", 0, resumed);
         REQUIRE(bool(after));
         CHECK(after->step == 20);
         CHECK(after->gain == 2.5);
@@ -344,7 +344,7 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         train(resumed, 21, 40);
         CHECK(state(resumed) == state(trainer));
 
-        const auto other = decodeCheckpoint(bytes, "--seed 78\n", resumed);
+        const auto other = decodeCheckpoint(bytes, "--seed 78\n", 0, resumed);
         REQUIRE_FALSE(bool(other));
         CHECK(other.error().message.find("it has --seed 77, this one --seed 78") != std::string::npos);
         CHECK(*learningGainOf(bytes) == 2.5);
@@ -353,11 +353,11 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         REQUIRE(skipped->size() == 1);
         CHECK((*skipped)[0].path == "a.png");
         const std::span<const std::byte> whole(bytes);
-        for (size_t cut = 0; cut < bytes.size(); cut += cut < 200 ? 1 : 997) CHECK_FALSE(bool(decodeCheckpoint(whole.first(cut), "--seed 77\n", resumed)));
+        for (size_t cut = 0; cut < bytes.size(); cut += cut < 200 ? 1 : 997) CHECK_FALSE(bool(decodeCheckpoint(whole.first(cut), "--seed 77\n", 0, resumed)));
         for (size_t at = 0; at < bytes.size(); at += 1009) {
             std::vector<std::byte> damaged = bytes;
             damaged[at] ^= std::byte(1);
-            CHECK_FALSE(bool(decodeCheckpoint(damaged, "--seed 77\n", resumed)));
+            CHECK_FALSE(bool(decodeCheckpoint(damaged, "--seed 77\n", 0, resumed)));
         }
     }
 }
