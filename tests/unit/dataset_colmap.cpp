@@ -155,6 +155,20 @@ TEST_CASE("a COLMAP model, text or binary, has its cameras, its lens and the lig
     }
 }
 
+TEST_CASE("a light far from the origin keeps its place to more digits than float32 has")
+{
+    TempFolder folder;
+    writePhotos(folder);
+    writeText(folder, Model());
+    std::string table = "image,light_x,light_y,light_z,intensity\n";
+    for (int i = 0; i < kPhotos; ++i) table.append("\"").append(nameOf(i)).append("\",100000.001,-200000.002,300000.003,10\n");
+    folder.writeText("lights.csv", table);
+    for (const OlatSplit& split : mustLoad(folder).splits)
+        for (const OlatImage& image : split.images)
+            for (int k = 0; k < 3; ++k)
+                CHECK(double(image.light.position[k]) + double(image.light.positionRest[k]) == doctest::Approx(k == 0 ? 100000.001 : k == 1 ? -200000.002 : 300000.003).epsilon(1e-13));
+}
+
 TEST_CASE("every camera model of COLMAP is read or refused for what it is")
 {
     struct Case {
