@@ -4,6 +4,7 @@
 #include <cuda_runtime.h>
 
 #include <cstring>
+#include <functional>
 #include <type_traits>
 
 #define NACRE_DEVICE __device__
@@ -52,11 +53,18 @@ public:
     /// The first card. Throws DeviceError where there is no driver or no card that this program was compiled for.
     Device()
     {
-        int count = 0;
-        check(cudaGetDeviceCount(&count), "finding a card");
-        if (count == 0) throw DeviceError("there is no CUDA card in this machine");
+        int count = 0, driver = 0;
+        const cudaError_t status = cudaGetDeviceCount(&count);
+        if (status == cudaErrorInsufficientDriver || status == cudaErrorStubLibrary) {
+            if (cudaDriverGetVersion(&driver) != cudaSuccess || driver == 0) throw DeviceError("there is no driver of a CUDA card in this machine");
+            throw DeviceError("the driver of the card is of CUDA " + std::to_string(driver / 1000) + ", this nacre needs " + std::to_string(CUDART_VERSION / 1000));
+        }
+        if (status == cudaErrorNoDevice || (status == cudaSuccess && count == 0)) throw DeviceError("there is no CUDA card in this machine");
+        check(status, "finding a card");
         check(cudaSetDevice(0), "opening the card");
         check(cudaGetDeviceProperties(&properties_, 0), "opening the card");
+        if (properties_.major < 8)
+            throw DeviceError(name() + " is too old: it has compute capability " + std::to_string(properties_.major) + "." + std::to_string(properties_.minor) + ", 8.0 is needed");
         check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "opening the card");
     }
     Device(const Device&) = delete;
@@ -73,12 +81,18 @@ public:
     cudaStream_t stream() const { return stream_; }
     void synchronize() { check(cudaStreamSynchronize(stream_), "a step"); }
 
+    /// Who gives memory back when there is too little: false if nothing is left.
+    void whenFull(std::function<bool()> makeRoom) { makeRoom_ = std::move(makeRoom); }
     void* allocate(size_t bytes)
     {
         void* p = nullptr;
-        const cudaError_t status = cudaMallocAsync(&p, bytes, stream_);
-        if (status == cudaErrorMemoryAllocation) {
+        cudaError_t status = cudaMallocAsync(&p, bytes, stream_);
+        while (status == cudaErrorMemoryAllocation && makeRoom_ && makeRoom_()) {
             cudaGetLastError(); // it would be reported again
+            status = cudaMallocAsync(&p, bytes, stream_);
+        }
+        if (status == cudaErrorMemoryAllocation) {
+            cudaGetLastError();
             throw DeviceError("the card's memory is full: " + std::to_string(bytes >> 20) + " MiB more were needed, " + std::to_string(bytes_ >> 20) + " of " +
                               std::to_string(properties_.totalGlobalMem >> 20) + " MiB are in use by this bake; fewer splats or smaller images need less");
         }
@@ -108,6 +122,7 @@ private:
 
     cudaDeviceProp properties_{};
     cudaStream_t stream_{};
+    std::function<bool()> makeRoom_;
     size_t bytes_ = 0;
 };
 

@@ -270,9 +270,10 @@ void runBlocks(const Emulation& emulation, const KernelCall& call)
 
 void* Device::allocate(size_t bytes)
 {
-    if (bytes > freeBytes())
-        throw DeviceError("the card's memory is full: " + std::to_string(bytes >> 20) + " MiB more were needed, " + std::to_string(bytes_ >> 20) + " of " +
-                          std::to_string(emulation_.memoryBytes >> 20) + " MiB are in use by this bake; fewer splats or smaller images need less");
+    while (bytes > freeBytes())
+        if (!makeRoom_ || !makeRoom_())
+            throw DeviceError("the card's memory is full: " + std::to_string(bytes >> 20) + " MiB more were needed, " + std::to_string(bytes_ >> 20) + " of " +
+                              std::to_string(emulation_.memoryBytes >> 20) + " MiB are in use by this bake; fewer splats or smaller images need less");
     void* p = ::operator new(bytes, std::align_val_t(256));
     std::memset(p, 0xff, bytes);
     bytes_ += bytes;

@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <type_traits>
 #include <typeinfo>
@@ -107,6 +108,8 @@ public:
     const Emulation& emulation() const { return emulation_; }
     void synchronize() {}
 
+    /// Who gives memory back when there is too little: false if nothing is left.
+    void whenFull(std::function<bool()> makeRoom) { makeRoom_ = std::move(makeRoom); }
     void* allocate(size_t bytes);
     void free(void* p, size_t bytes) noexcept;
     void copyIn(void* to, const void* from, size_t bytes) { copy(to, from, bytes); }
@@ -123,6 +126,7 @@ private:
         if (bytes) std::memcpy(to, from, bytes);
     }
     Emulation emulation_;
+    std::function<bool()> makeRoom_;
     size_t bytes_ = 0;
 };
 
