@@ -159,7 +159,11 @@ void Trainer::permute(const std::vector<uint32_t>& order)
     state_->ambient = std::move(moved);
 }
 
-void Trainer::startEngine() { engine_ = makeEngine_(*state_, {options_.lowPassVariance, options_.sceneSize, options_.loss, options_.seed}); }
+void Trainer::startEngine()
+{
+    engine_.reset(); // first: on a device there may be no room for two
+    engine_ = makeEngine_(*state_, {options_.lowPassVariance, options_.sceneSize, options_.loss, options_.seed});
+}
 
 void Trainer::weighAlpha(float weight)
 {
