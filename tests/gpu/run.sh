@@ -36,6 +36,26 @@ check() { # name, seconds, command
     fi
 }
 
+# Bakes on the card against bakes on the CPU: held-out error, time of a step. Without a CUDA card this says so and is no failure: the GL checks stand alone.
+for dataset in "$here"/data/*/; do
+    [ -d "$dataset" ] || continue
+    for model in bigs sss; do
+        name=bake_$(basename "$dataset")_$model
+        if "${start[@]}" "$here/bin/nacre" bake "$dataset" -o "$out/probe.glb" --device cuda --iterations 1 --model "$model" --profile lossless > "$out/$name.probe.log" 2>&1; then
+            check "$name" 100 "$here/bin/bench_device" "$dataset" "$model" 2000 cuda
+            cat "$out/$name.log"
+        else
+            echo "== $name"
+            echo "SKIPPED: $(tail -1 "$out/$name.probe.log")"
+        fi
+        rm -f "$out/probe.glb"
+    done
+    if command -v compute-sanitizer >/dev/null && [ -s "$out/bake_$(basename "$dataset")_bigs.log" ]; then
+        check sanitizer 60 compute-sanitizer --error-exitcode 1 "$here/bin/nacre" bake "$dataset" -o "$out/probe.glb" --device cuda --iterations 20 --profile lossless
+        rm -f "$out/probe.glb"
+    fi
+done
+
 check scenes 150 "$here/bin/bench_scene" 100 "$out/scene.json"
 cat "$out/scenes.log"
 check compute 120 "$here/bin/test_gpu"
