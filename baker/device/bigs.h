@@ -64,7 +64,7 @@ struct ForwardBigs {
 /// Floor: of an active splat with s of 16 functions 8,400 bytes of coefficients and momenta, in and out, and 350 of all else; 16 kflop.
 template <int kLights>
 struct StepBigs {
-    static constexpr uint32_t kThreads = kBigsThreads;
+    static constexpr uint32_t kThreads = kBigsThreads, kBlocksAtOnce = 5; // what shared memory leaves room for: else nvcc saves registers and spills
     using Shared = BigsShared<kLights>;
     BigsView view;
     const uint8_t* active; // [visible]

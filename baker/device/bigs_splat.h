@@ -5,6 +5,7 @@
 
 #include "appearance/bigs/bigs_backward.h"
 #include "appearance/bigs/bigs_state.h"
+#include "device/device.h"
 #include "device/lit_view.h"
 
 namespace nacre {
@@ -56,7 +57,7 @@ NACRE_HD inline BigsDirections<kLights, Basis> bigsDirections(const BigsStep& st
     const LightSample<float> eye = samplePointLight(step.lit.eye, 0.0f, position);
     for (int k = 0; k < 3; ++k) d.toEye[k] = eye.dir[k];
     fill(d.toEye, d.yView = basis(kLights));
-    for (int l = 0; l < kLights; ++l) {
+    NACRE_UNROLL for (int l = 0; l < kLights; ++l) {
         const bool lit = l < step.lit.lightCount;
         const LightSample<float> s = lit ? sampleLight(step.lit.lights[l], position) : LightSample<float>{};
         for (int k = 0; k < 3; ++k) d.toLight[l][k] = lit ? s.dir[k] : step.random.direction[k];
@@ -97,17 +98,17 @@ NACRE_HD inline float bigsPairWeight(int a, int b, const Basis& yLight, const Ba
 template <int kLights, class Basis>
 NACRE_HD inline void bigsTermsOf(const BigsSplat& splat, const BigsBands& bands, const BigsDirections<kLights, Basis>& dir, BigsTerms<float> t[kLights])
 {
-    for (int l = 0; l < kLights; ++l) {
+    NACRE_UNROLL for (int l = 0; l < kLights; ++l) {
         t[l] = {};
         for (int c = 0; c < 3; ++c) t[l].scatter[c] = splat.value[kRho + c];
     }
     for (int k = 0; k < bands.direct; ++k) {
         const float x = splat.value[kTDir + k];
-        for (int l = 0; l < kLights; ++l) t[l].direct += x * dir.yLight[l][k];
+        NACRE_UNROLL for (int l = 0; l < kLights; ++l) t[l].direct += x * dir.yLight[l][k];
     }
     for (int k = 0; k < bands.indirect; ++k) {
         const float x[3] = {splat.value[kTInd + 3 * k], splat.value[kTInd + 3 * k + 1], splat.value[kTInd + 3 * k + 2]};
-        for (int l = 0; l < kLights; ++l) {
+        NACRE_UNROLL for (int l = 0; l < kLights; ++l) {
             const float y = dir.yLight[l][k];
             for (int c = 0; c < 3; ++c) t[l].indirect[c] += x[c] * y;
         }
@@ -115,7 +116,7 @@ NACRE_HD inline void bigsTermsOf(const BigsSplat& splat, const BigsBands& bands,
     for (int b = 0, at = kScatter; b < splat.functions; ++b)
         for (int a = 0; a <= b; ++a, at += 3) {
             const float x[3] = {splat.value[at], splat.value[at + 1], splat.value[at + 2]};
-            for (int l = 0; l < kLights; ++l) {
+            NACRE_UNROLL for (int l = 0; l < kLights; ++l) {
                 const float w = bigsPairWeight(a, b, dir.yLight[l], dir.yView);
                 for (int c = 0; c < 3; ++c) t[l].scatter[c] += x[c] * w;
             }
@@ -130,7 +131,7 @@ NACRE_HD inline void bigsSplatForward(const BigsStep& step, const BigsSplat& spl
     bigsTermsOf(splat, step.bands, dir, t);
     float lobe[kBigsLobeFloats], forward[kBigsForwardFloats], inverseLength;
     const BigsCoefficients<float> g = bigsSharpCoefficients(splat, step.bands, lobe, forward, &inverseLength);
-    for (int l = 0; l < kLights; ++l) {
+    NACRE_UNROLL for (int l = 0; l < kLights; ++l) {
         splat.kept[kBigsKept * l] = t[l].direct;
         for (int c = 0; c < 3; ++c) splat.kept[kBigsKept * l + 1 + c] = t[l].scatter[c], splat.kept[kBigsKept * l + 4 + c] = t[l].indirect[c];
         if (l >= step.lit.lightCount) continue;
@@ -183,7 +184,7 @@ NACRE_HD inline void bigsSplatBackward(const BigsStep& step, const BigsSplat& sp
     const BigsCoefficients<float> g = bigsSharpCoefficients(splat, step.bands, lobe, forward, &inverseLength);
     BigsTerms<float> d[kLights];
     BigsSharpGradient<float> sharp;
-    for (int l = 0; l < kLights; ++l) {
+    NACRE_UNROLL for (int l = 0; l < kLights; ++l) {
         BigsTerms<float> t;
         t.direct = splat.kept[kBigsKept * l];
         for (int c = 0; c < 3; ++c) t.scatter[c] = splat.kept[kBigsKept * l + 1 + c], t.indirect[c] = splat.kept[kBigsKept * l + 4 + c];
@@ -202,15 +203,15 @@ NACRE_HD inline void bigsSplatBackward(const BigsStep& step, const BigsSplat& sp
     constexpr float kSqrt4Pi = 3.5449077018110320f;
     const int functions = splat.functions;
     float slope[kLights][3];
-    for (int l = 0; l < kLights; ++l)
+    NACRE_UNROLL for (int l = 0; l < kLights; ++l)
         for (int c = 0; c < 3; ++c) slope[l][c] = 0;
     if (update.energyWeight > 0) {
         for (int i = 0; i < functions; ++i)
             for (int c = 0; c < 3; ++c) {
                 const float x = splat.value[kScatter + 3 * bigsPair(0, i) + c];
-                for (int l = 0; l < kLights; ++l) slope[l][c] += x * dir.yLight[l][i];
+                NACRE_UNROLL for (int l = 0; l < kLights; ++l) slope[l][c] += x * dir.yLight[l][i];
             }
-        for (int l = 0; l < kLights; ++l)
+        NACRE_UNROLL for (int l = 0; l < kLights; ++l)
             for (int c = 0; c < 3; ++c) {
                 const float excess = kSqrt4Pi * slope[l][c] - 1;
                 slope[l][c] = functions > 0 && excess > 0 ? 2 * kSqrt4Pi * update.energyWeight * excess : 0.0f;
@@ -220,14 +221,14 @@ NACRE_HD inline void bigsSplatBackward(const BigsStep& step, const BigsSplat& sp
     if (update.rate[kGroupDirect] > 0)
         bigsStepGroup(step, splat, kGroupDirect, kTDir, step.bands.direct, [&](int k) {
             float sum = 0;
-            for (int l = 0; l < kLights; ++l) sum += d[l].direct * dir.yLight[l][k];
+            NACRE_UNROLL for (int l = 0; l < kLights; ++l) sum += d[l].direct * dir.yLight[l][k];
             return sum;
         });
     if (update.rate[kGroupIndirect] > 0 && step.bands.indirect > 0) {
         float square = 0;
         const auto gradient = [&](int k, float sum[3]) {
             sum[0] = sum[1] = sum[2] = 0;
-            for (int l = 0; l < kLights; ++l) {
+            NACRE_UNROLL for (int l = 0; l < kLights; ++l) {
                 const float y = dir.yLight[l][k];
                 for (int c = 0; c < 3; ++c) sum[c] += d[l].indirect[c] * y;
             }
@@ -245,7 +246,7 @@ NACRE_HD inline void bigsSplatBackward(const BigsStep& step, const BigsSplat& sp
     }
     if (update.rate[kGroupRho] > 0) {
         float sum[3] = {0, 0, 0};
-        for (int l = 0; l < kLights; ++l)
+        NACRE_UNROLL for (int l = 0; l < kLights; ++l)
             for (int c = 0; c < 3; ++c) sum[c] += d[l].scatter[c];
         const BigsGroupStep adam(step, splat, kGroupRho, (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / 3);
         for (int c = 0; c < 3; ++c) {
@@ -283,7 +284,7 @@ NACRE_HD inline void bigsSplatBackward(const BigsStep& step, const BigsSplat& sp
             yy += y * y;
             for (int c = 0; c < 3; ++c) {
                 float h = 0;
-                for (int l = 0; l < kLights; ++l) h += d[l].scatter[c] * dir.yLight[l][b];
+                NACRE_UNROLL for (int l = 0; l < kLights; ++l) h += d[l].scatter[c] * dir.yLight[l][b];
                 hh[c] += h * h, hy[c] += h * y, diagonal[c] += h * y * h * y;
             }
         }
@@ -297,7 +298,7 @@ NACRE_HD inline void bigsSplatBackward(const BigsStep& step, const BigsSplat& sp
         for (int b = b0; b < b1; ++b)
             for (int a = 0; a <= b; ++a) {
                 float sum[3] = {0, 0, 0};
-                for (int l = 0; l < kLights; ++l) {
+                NACRE_UNROLL for (int l = 0; l < kLights; ++l) {
                     const float w = bigsPairWeight(a, b, dir.yLight[l], dir.yView), y = a == 0 ? dir.yLight[l][b] : 0.0f;
                     for (int c = 0; c < 3; ++c) sum[c] += d[l].scatter[c] * w + slope[l][c] * y;
                 }
