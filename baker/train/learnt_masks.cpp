@@ -31,6 +31,7 @@ PreparedImage LearntMasks::applied(const PreparedImage& image, size_t camera) co
     const Mask& mask = masks_[camera];
     if (mask.cells.empty() || mask.width != image.width || mask.height != image.height) return image;
     PreparedImage out = image;
+    out.id = PreparedImage::newId();
     const size_t width = size_t(image.width), pixels = width * size_t(image.height);
     if (out.known.empty()) out.known.assign(pixels, 65535);
     out.unknown = 0;

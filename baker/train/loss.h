@@ -29,11 +29,9 @@ struct PreparedImage {
     std::vector<uint16_t> linear; // [3][height][width], at most 1
     std::vector<uint16_t> known;  // [height][width]: 65535, or 0 where nothing is known (and all planes are 0); empty: all is known
     size_t unknown = 0;           // pixels
-    uint64_t id = newId();        // of these pixels: copies share it
+    uint64_t id = newId();        // of these pixels: copies share it, until they are changed
     bool isKnown(size_t pixel) const { return known.empty() || known[pixel] != 0; }
     size_t bytes() const { return (planes.size() + linear.size() + known.size()) * sizeof(uint16_t); }
-
-private:
     static uint64_t newId()
     {
         static std::atomic<uint64_t> last{0};
