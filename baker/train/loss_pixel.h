@@ -13,9 +13,10 @@
 
 namespace nacre {
 
-/// The value of a half of [0, 1].
+/// The value of a half of [0, 1], or of -0, which images hold.
 NACRE_HD inline float radianceFromHalf(uint16_t half)
 {
+    half &= 0x7fff;
     return half < 1024 ? float(half) * 0x1p-24f : std::bit_cast<float>((uint32_t(half) << 13) + (112u << 23));
 }
 

@@ -48,6 +48,7 @@ Camera cameraAt(double angle)
 Image sphereImage(const Camera& c, const Light& light)
 {
     Image image{c.width, c.height, std::vector<float>(size_t(4 * c.width * c.height))};
+    for (size_t i = 0; i < image.rgba.size(); i += 8) image.rgba[i] = -0.0f; // some files have it
     const glm::dvec3 eye = c.position();
     for (int y = 0; y < c.height; ++y)
         for (int x = 0; x < c.width; ++x) {
