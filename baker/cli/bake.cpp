@@ -376,6 +376,7 @@ static Status runBake(BakeArguments args)
     warnOfImages(*skipped, imageCount, "skipped");
     options.skipped = std::move(*skipped);
     *dataset = without(std::move(*dataset), "train", options.skipped);
+    options.heldOutJudges = args.holdOut > 0;
     if (args.holdOut > 0) {
         const auto every = uint32_t(std::lround(1 / args.holdOut));
         *dataset = holdOut(std::move(*dataset), every);

@@ -66,6 +66,7 @@ struct Options {
 
 /// Of the largest deviations of a scene; all have to be finite.
 constexpr Bound kRandomBound{1e-2, "99 in 100 are smaller: a splat at the threshold of 1/255 may be counted or not"};
+constexpr size_t kFewScenes = 50; // are judged only by whether they are finite: medians of few say nothing
 constexpr Bound kRandomGlBound{1e-2, "half of them are smaller: sss keeps its G-buffer in halves, and where a light stands in the cloud the place of a pixel's surface decides"};
 
 /// Error kCancelled: `progress` said so.

@@ -31,7 +31,7 @@ constexpr double kReportSeconds = 0.5;
 constexpr double kTrackEvery = 0.05; // of the bake, with trackHeldOut
 // When masks are learnt, of the bake: before it judges what the object can do without, for what shines through it has no shadows. (A vase on a table in a room,
 // 80 photographs with the flash, 4000 steps, masked: never 12.4 dB, at 0.35 11.9, at 0.18 14.1, at 0.1 13.5; given masks 16.2.)
-constexpr double kMasksAt = 0.18, kLeastObject = 1e-3; // of all pixels
+constexpr double kMasksAt = 0.18, kLeastObject = 1e-3, kMostOpen = 0.2; // of all pixels
 
 /// PSNR of the training images, from the steps' own renders.
 class TrainingPsnr {
@@ -122,6 +122,8 @@ Status Bake::tick(const char* stage, double progress)
     return ok();
 }
 
+static std::string percent(double share) { return std::to_string(int(std::lround(100 * share))) + " %"; }
+
 Status Bake::setUp()
 {
     auto options = withDefaults(options_, dataset_);
@@ -135,6 +137,9 @@ Status Bake::setUp()
     preparation_ = std::move(*prepared);
     Preparation& p = preparation_;
     result_.warnings = std::move(p.warnings);
+    if (options_.heldOutJudges && p.region && !options_.keepBackground)
+        return Error{ErrorCode::kBadInput, "--hold-out needs masks, or --keep-background: without them the surroundings are cut off after a fifth of the bake, and held-out images show "
+                                           "them before and after"};
 
     trainer_ = std::make_unique<Trainer>(p.trainer, makeTrainableAppearance(options_.model, p.appearance), options_.makeEngine);
     if (p.init.cloud.count > 0) trainer_->initialize(p.init.cloud, p.init.colors);
@@ -243,6 +248,9 @@ Status Bake::learnMasks(double progress)
     std::snprintf(text, sizeof text, "; from step %d on by masks that these cover, %.1f %% of the pixels and %.1f %% left open", state_.step, 100 * shares.object, 100 * shares.unknown);
     result_.cut = cut + text;
     useMasks();
+    if (shares.unknown > kMostOpen)
+        result_.warnings.push_back(percent(shares.unknown) + " of the pixels are neither object nor surroundings by these masks, and are not learnt from: the bounds may hold only a part of the "
+                                   "object, or the cameras, too; --bounds CX,CY,CZ,R says where the object is");
     return ok();
 }
 

@@ -39,6 +39,7 @@ struct BakeOptions {
     size_t imageBudgetBytes = size_t(1) << 30;
     std::string checkpointPath;        // empty: none
     bool resume = false;
+    bool heldOutJudges = false;        // the test split is of training cameras: images without masks cannot serve
     std::vector<UnusableImage> skipped{}; // images that the caller left out of the dataset: a checkpoint remembers them
     double secondsBefore = 0;          // of `minutes`, that the caller has used already
     enum class Track { kNever, kAtEnd, kNowAndThen };

@@ -53,6 +53,7 @@ std::string bakeIdentity(const OlatDataset& dataset, const OlatSplit& split, con
     for (const std::string& part : options.without) text << part << ',';
     if (options.bounds) text << "\n--bounds " << options.bounds->x << ',' << options.bounds->y << ',' << options.bounds->z << ',' << options.bounds->w;
     if (options.init) text << "\n--init of hash " << std::hex << options.init->hash;
+    text << "\n--keep-background " << (options.keepBackground ? "on" : "off");
     text << "\ndataset " << std::hex << hashOf(dataset, split) << '\n';
     return text.str();
 }

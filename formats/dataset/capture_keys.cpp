@@ -45,6 +45,8 @@ void readCapture(const DatasetSource& source, OlatDataset& out)
     bool hasBlack = false, hasWhite = false, hasRig = false;
     for (const Description* description : source.topLevels()) {
         const JsonNode top = description->json.root(), background = top["background"], rig = top["light_rig"];
+        for (const char* key : {"mask_path", "obj_mask_path", "ambient_path"})
+            if (top[key].exists()) top[key].fail("this key in each frame", "it at the top level, where it says nothing");
         readLevel(top["black_level"], out.blackLevel, hasBlack);
         readLevel(top["white_level"], out.whiteLevel, hasWhite);
         if (hasBlack && !(out.blackLevel < 0.9f)) top["black_level"].fail("a level below 0.9", std::to_string(out.blackLevel));

@@ -163,12 +163,18 @@ TEST_CASE("every model: a small bake without masks has its splats at the object,
         options.resume = true;
         bool masked = false;
         CHECK_FALSE(bake(dataset, options, [&](const BakeProgress& p) { masked = masked || p.stage == "masks", stop = masked && p.stage == "training"; }, &stop));
+        BakeOptions other = options; // would never have cut anything
+        other.keepBackground = true;
+        CHECK_FALSE(bake(dataset, other, nullptr, nullptr));
         const auto rest = bake(dataset, options, nullptr, nullptr);
         REQUIRE_MESSAGE(rest, (rest ? "" : rest.error().message));
         CHECK(rest->asset.cloud.positions == result->asset.cloud.positions);
         options.checkpointPath.clear(), options.resume = false;
         options.keepBackground = true;
         const auto all = bake(dataset, options, nullptr, nullptr);
+        BakeOptions held = options; // scores of surroundings and object, then of the object alone
+        held.keepBackground = false, held.heldOutJudges = true;
+        CHECK_FALSE(bake(dataset, held, nullptr, nullptr));
         REQUIRE(all);
         CHECK(all->cut.empty());
         CHECK(all->asset.cloud.count > result->asset.cloud.count);
