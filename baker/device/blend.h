@@ -55,15 +55,6 @@ NACRE_DEVICE inline uint32_t lowestBit(uint32_t bits)
 #endif
 }
 
-NACRE_DEVICE inline uint32_t countBits(uint32_t bits)
-{
-#ifdef __CUDA_ARCH__
-    return uint32_t(__popc(bits));
-#else
-    return uint32_t(__builtin_popcount(bits));
-#endif
-}
-
 /// Some entries of a tile with their splats and colours, in shared memory.
 template <int C, uint32_t Entries>
 struct Chunk {
@@ -247,7 +238,7 @@ struct BlendBackwardKernel {
             auto& own = s.warp[t.warp()];
             const uint32_t e = t.lane() % kEntries;
             const bool touches = alive && t.lane() < kEntries && first + e < count && (s.chunk.splats[e].blockMask & blocks) != 0;
-            const uint32_t touched = t.ballot(kFullWarp, touches), slots = countBits(touched);
+            const uint32_t touched = t.ballot(kFullWarp, touches), slots = bitCount(touched);
             for (uint32_t left = touched, slot = 0; left; left &= left - 1, ++slot) {
                 const uint32_t i = lowestBit(left);
                 const SplatAlpha a = splatAlpha(s.chunk.splats[i].splat, pixel.dx, pixel.dy, transmittance);
@@ -369,7 +360,7 @@ private:
             float sum = 0.0f;
             for (uint32_t w = 0; w < kWarps; ++w) {
                 if (!(s.touched[w] >> entry & 1)) continue;
-                const uint32_t slot = countBits(s.touched[w] & ((1u << entry) - 1));
+                const uint32_t slot = bitCount(s.touched[w] & ((1u << entry) - 1));
                 sum += k < 4 * kQuads ? s.warp[w].sums.channels[slot][k] : s.warp[w].sums.moments[slot][k - 4 * kQuads];
             }
             to[i] = sum;

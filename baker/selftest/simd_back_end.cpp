@@ -8,6 +8,7 @@
 #include "render/raster.h"
 #include "selftest/back_end.h"
 #include "selftest/scalar_image.h"
+#include "train/step_engine.h"
 
 #include <algorithm>
 #include <cmath>
@@ -47,25 +48,9 @@ BigsParameters parametersOf(const SplatAsset& asset)
 
 LitView litBy(const Scene& scene)
 {
-    LitView lit;
-    for (int k = 0; k < 3; ++k) lit.eye[k] = float(scene.camera.worldFromCamera[3][k]);
-    lit.lightCount = int(scene.lights.size());
-    std::copy(scene.lights.begin(), scene.lights.end(), lit.lights);
+    LitView lit = litView(scene.camera, scene.lights);
     if (scene.lights.empty()) lit.lightCount = 1, lit.lights[0] = pointLight({0, 0, 1e3f}, 0); // the engine always has one
     return lit;
-}
-
-PixelRays raysOf(const Camera& camera)
-{
-    PixelRays rays;
-    const auto axis = [&](int column, int k) { return camera.worldFromCamera[column][k]; }; // looks along -z, y is up
-    for (int k = 0; k < 3; ++k) {
-        rays.eye[k] = float(axis(3, k));
-        rays.right[k] = float(axis(0, k) / camera.fx), rays.down[k] = float(-axis(1, k) / camera.fy);
-        rays.origin[k] = float(-axis(2, k) - axis(0, k) * camera.cx / camera.fx + axis(1, k) * camera.cy / camera.fy);
-    }
-    rays.width = camera.width, rays.height = camera.height;
-    return rays;
 }
 
 /// A view of a scene from projection to channels.
@@ -178,7 +163,7 @@ public:
         rasterForward(seen.builder.visible, seen.builder.tiles, seen.colors.data(), seen.channels, planes.data());
         if (sss) {
             image.resize(seen.pixels * size_t(3 * seen.lit.lightCount + 1));
-            sssResolve(raysOf(scene.camera), seen.lit, planes.data(), image.data());
+            sssResolve(pixelRays(scene.camera), seen.lit, planes.data(), image.data());
         } else {
             image = std::move(planes);
         }

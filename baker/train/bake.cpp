@@ -99,7 +99,6 @@ private:
     std::unique_ptr<TrainingSteps> steps_;
     double recentPsnr_ = 0;
     bool checkpointFailed_ = false;
-    bool maskless_ = false; // masks could not be learnt
     BakeState state_;
     BakeResult result_;
 };
@@ -218,11 +217,10 @@ void Bake::useMasks()
 // Images without masks get those that the splats of the object cover, and the splats of the surroundings have served. Once, and not if hardly anything was found.
 Status Bake::learnMasks(double progress)
 {
-    if (state_.masks || maskless_ || !preparation_.region || options_.keepBackground || progress < kMasksAt) return ok();
+    if (state_.masksTried || !preparation_.region || options_.keepBackground || progress < kMasksAt) return ok();
     const OlatSplit& split = *preparation_.split;
     auto masks = std::make_shared<LearntMasks>(split.cameras.size());
-    ByteWriter before;
-    trainer_->save(before);
+    const std::vector<std::byte> before = trainer_->snapshot();
     const std::string cut = cutBackground();
     std::vector<uint8_t> drawn(split.cameras.size());
     std::vector<float> planes;
@@ -236,14 +234,13 @@ Status Bake::learnMasks(double progress)
     }
     const LearntMasks::Shares shares = masks->shares();
     if (!goesOn || shares.object < kLeastObject) { // as if nothing had been tried
-        ByteReader bytes(before.bytes);
-        if (!trainer_->load(bytes)) return Error{ErrorCode::kIo, "the trainer refuses its own state; please report this"};
+        if (Status s = trainer_->restore(before); !s) return s;
         if (!goesOn) return goesOn;
-        maskless_ = true;
+        state_.masksTried = true;
         result_.warnings.push_back("no masks, and the splats cover too little to draw any (" + cut + "): the surroundings may shine through the object; give masks, or --bounds");
         return ok();
     }
-    state_.masks = masks, state_.stepsSinceReset = 0;
+    state_.masks = masks, state_.masksTried = true, state_.stepsSinceReset = 0;
     char text[160];
     std::snprintf(text, sizeof text, "; from step %d on by masks that these cover, %.1f %% of the pixels and %.1f %% left open", state_.step, 100 * shares.object, 100 * shares.unknown);
     result_.cut = cut + text;

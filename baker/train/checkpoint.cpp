@@ -76,7 +76,7 @@ std::vector<std::byte> encodeCheckpoint(const std::string& identity, const std::
     for (const UnusableImage& image : skipped) out.array(image.path), out.array(image.why);
     out.value(state.gain), out.value(state.step), out.value(state.stepsSinceReset), out.value(state.seconds), out.value(state.nextTrack);
     out.array(state.history), out.array(state.lights), out.array(state.parts);
-    out.value(state.masks != nullptr);
+    out.value(state.masksTried), out.value(state.masks != nullptr);
     if (state.masks) state.masks->save(out);
     trainer.save(out);
     out.value(fnv1a(out.bytes.data(), out.bytes.size()));
@@ -132,6 +132,7 @@ Result<BakeState> decodeCheckpoint(std::span<const std::byte> bytes, const std::
     state.gain = in->value<double>(), state.step = in->value<int32_t>(), state.stepsSinceReset = in->value<int32_t>();
     state.seconds = in->value<double>(), state.nextTrack = in->value<double>();
     in->array(state.history), in->array(state.lights), in->array(state.parts);
+    state.masksTried = in->value<bool>();
     if (in->value<bool>()) {
         state.masks = std::make_shared<LearntMasks>(cameras);
         if (!state.masks->load(*in)) return bad("checkpoint whose masks are damaged");

@@ -21,7 +21,8 @@ struct BakeState {
     std::vector<HistoryPoint> history;
     std::vector<PartWorth> parts; // what was tried to leave out; empty until then
     std::vector<LightEvidence> lights; // with refineLights
-    std::shared_ptr<LearntMasks> masks; // of images that have none, once they have been learnt
+    bool masksTried = false;            // of images that have none: they are learnt once, or not at all
+    std::shared_ptr<LearntMasks> masks; // null: none
 };
 
 /// Everything that shapes the result, as lines: model, quality, seed, caps, schedule, and a hash of the dataset. `options` as withDefaults

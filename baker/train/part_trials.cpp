@@ -18,22 +18,6 @@ int trialSteps(double stepsOfBake)
     return int(std::max(kTrialLength * stepsOfBake, std::min(kTrialLeast, kTrialMost * stepsOfBake))) + 1;
 }
 
-std::vector<std::byte> saved(const Trainer& trainer)
-{
-    ByteWriter out;
-    trainer.save(out);
-    return std::move(out.bytes);
-}
-
-Status restore(Trainer& trainer, const std::vector<std::byte>& bytes)
-{
-    ByteReader in(bytes);
-    if (!trainer.load(in))
-        return Error{ErrorCode::kIo,
-                     "a trial of a part of the model could not be undone: the trainer refuses its own state; please report this"};
-    return ok();
-}
-
 /// Steps that are all made at the same moment of the bake.
 struct TrialSteps {
     int first, count;
@@ -95,24 +79,24 @@ Verdict judge(const OptionalPart& part, const TrialErrors& with, const TrialErro
 
 Result<PartWorth> tryWithout(const OptionalPart& part, const TrialSteps& steps, Trainer& trainer, const TrialStep& step)
 {
-    const std::vector<std::byte> before = saved(trainer);
+    const std::vector<std::byte> before = trainer.snapshot();
     const auto undone = [&](const Error& error) {
-        const Status restored = restore(trainer, before);
+        const Status restored = trainer.restore(before);
         return restored ? error : restored.error();
     };
 
     auto with = run(steps, part.bySplat, trainer, step);
     if (!with) return undone(with.error());
-    const std::vector<std::byte> after = saved(trainer);
+    const std::vector<std::byte> after = trainer.snapshot();
 
-    if (Status s = restore(trainer, before); !s) return s.error();
+    if (Status s = trainer.restore(before); !s) return s.error();
     trainer.leaveOut(part.name, {});
     auto without = run(steps, part.bySplat, trainer, step);
     if (!without) return undone(without.error());
 
     const Verdict verdict = judge(part, *with, *without, trainer.count());
     if (verdict.keeping == 0) return verdict.worth;
-    if (Status s = restore(trainer, after); !s) return s.error();
+    if (Status s = trainer.restore(after); !s) return s.error();
     if (verdict.keeping < trainer.count()) trainer.leaveOut(part.name, verdict.kept);
     return verdict.worth;
 }

@@ -250,4 +250,18 @@ bool Trainer::load(ByteReader& in)
     return true;
 }
 
+std::vector<std::byte> Trainer::snapshot() const
+{
+    ByteWriter out;
+    save(out);
+    return std::move(out.bytes);
+}
+
+Status Trainer::restore(std::span<const std::byte> snapshot)
+{
+    ByteReader in(snapshot);
+    if (!load(in)) return Error{ErrorCode::kIo, "a trial could not be undone: the trainer refuses its own state; please report this"};
+    return ok();
+}
+
 } // namespace nacre

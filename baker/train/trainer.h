@@ -62,6 +62,9 @@ public:
     void exportTo(SplatAsset& asset) const;
     void save(ByteWriter& out) const;
     bool load(ByteReader& in);
+    /// What save writes, to go back to after a trial.
+    std::vector<std::byte> snapshot() const;
+    Status restore(std::span<const std::byte> snapshot);
 
     StepEngine& engine() { return *engine_; }
 

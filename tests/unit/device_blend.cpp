@@ -2,13 +2,13 @@
 #include "device/activity.h"
 #include "device/blend.h"
 #include "device_frame.h"
+#include "reference_splats.h"
 #include "render/raster.h"
 
 #include <doctest/doctest.h>
 
 #include <algorithm>
 #include <cstring>
-#include <numeric>
 #include <random>
 
 using namespace nacre;
@@ -148,16 +148,10 @@ TEST_CASE("device blending: forward and backward equal the scalar reference in f
         const Scene scene(w, h, kChannels, randomCloud(size_t(count), size, opacity, 9));
         const Blended device = scene.device(kOrders[2]);
         const size_t n = scene.count(), pixels = size_t(w) * size_t(h);
-        std::vector<ProjectedGaussian<double>> splats(n);
-        std::vector<double> colors(n * kChannels), dColors(n * kChannels);
+        const ReferenceSplats reference(scene.builder.visible, scene.colors.data(), scene.stride(), kChannels);
+        const auto& [splats, colors, order] = reference;
+        std::vector<double> dColors(n * kChannels);
         std::vector<ScreenGradient<double>> dSplats(n);
-        std::vector<uint32_t> order(n);
-        std::iota(order.begin(), order.end(), 0u);
-        for (size_t i = 0; i < n; ++i) {
-            const auto& s = scene.builder.visible.projected[i];
-            splats[i] = {{s.mean[0], s.mean[1]}, {s.conic[0], s.conic[1], s.conic[2]}, s.opacity, s.distance, {s.extent[0], s.extent[1]}};
-            for (size_t c = 0; c < kChannels; ++c) colors[i * kChannels + c] = scene.colors[i * scene.stride() + c];
-        }
         double sum = 0;
         Difference planes;
         for (size_t p = 0; p < pixels; ++p) {

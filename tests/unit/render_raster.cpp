@@ -1,11 +1,11 @@
 // The SIMD rasteriser against the scalar reference, and the cases that bite.
+#include "reference_splats.h"
 #include "render/raster.h"
 
 #include <doctest/doctest.h>
 #include <tbb/global_control.h>
 
 #include <algorithm>
-#include <numeric>
 #include <random>
 
 using namespace nacre;
@@ -55,16 +55,8 @@ struct Frame {
 // All visible splats in order, float64, no tiles.
 std::vector<double> reference(const Frame& f, int width, int height)
 {
-    const size_t n = f.builder.visible.count();
-    std::vector<ProjectedGaussian<double>> splats(n);
-    std::vector<double> colors(n * f.channels);
-    std::vector<uint32_t> order(n);
-    std::iota(order.begin(), order.end(), 0u);
-    for (size_t i = 0; i < n; ++i) {
-        const auto& s = f.builder.visible.projected[i];
-        splats[i] = {{s.mean[0], s.mean[1]}, {s.conic[0], s.conic[1], s.conic[2]}, s.opacity, s.distance, {s.extent[0], s.extent[1]}};
-        for (int c = 0; c < f.channels; ++c) colors[i * f.channels + c] = f.colors[i * channelStride(12) + c];
-    }
+    const ReferenceSplats reference(f.builder.visible, f.colors.data(), channelStride(12), size_t(f.channels));
+    const auto& [splats, colors, order] = reference;
     std::vector<double> planes(f.planes.size());
     for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x) {
@@ -117,16 +109,10 @@ TEST_CASE("SIMD backward equals the scalar reference")
         rasterBackward(f.builder.visible, f.builder.tiles, f.colors.data(), channels, f.planes.data(), dPlanes.data(), scratch,
                        dColors.data(), dSplats.data());
 
-        std::vector<ProjectedGaussian<double>> splats(n);
-        std::vector<double> colors(n * channels), refColors(n * channels);
+        const ReferenceSplats reference(f.builder.visible, f.colors.data(), channelStride(12), size_t(channels));
+        const auto& [splats, colors, order] = reference;
+        std::vector<double> refColors(n * channels);
         std::vector<ScreenGradient<double>> refSplats(n);
-        std::vector<uint32_t> order(n);
-        std::iota(order.begin(), order.end(), 0u);
-        for (size_t i = 0; i < n; ++i) {
-            const auto& s = f.builder.visible.projected[i];
-            splats[i] = {{s.mean[0], s.mean[1]}, {s.conic[0], s.conic[1], s.conic[2]}, s.opacity, s.distance, {s.extent[0], s.extent[1]}};
-            for (int c = 0; c < channels; ++c) colors[i * channels + c] = f.colors[i * channelStride(12) + c];
-        }
         for (int y = 0; y < h; ++y)
             for (int x = 0; x < w; ++x) {
                 double color[kMaxChannels], d[kMaxChannels + 1] = {};

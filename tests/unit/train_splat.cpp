@@ -327,7 +327,7 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         train(trainer, 1, 20);
         trainer.densify(30);
         BakeState before;
-        before.gain = 2.5, before.step = 20, before.stepsSinceReset = 3, before.seconds = 1.5;
+        before.gain = 2.5, before.step = 20, before.stepsSinceReset = 3, before.seconds = 1.5, before.masksTried = true;
         before.history.push_back({1.0, 10, 60, 20.0, 15.0});
         const std::vector<std::byte> bytes = encodeCheckpoint("--seed 77\n", {{"a.png", "a.png: cut off"}}, before, trainer);
         const std::vector<float> picture = pictureOf(trainer);
@@ -339,6 +339,8 @@ TEST_CASE("every model: a checkpoint continues to the same bytes; damaged at any
         CHECK(after->step == 20);
         CHECK(after->gain == 2.5);
         CHECK(after->stepsSinceReset == 3);
+        CHECK(after->masksTried);
+        CHECK_FALSE(after->masks);
         CHECK(after->history.size() == 1);
         CHECK(pictureOf(resumed) == picture); // lights may be refined, or held-out views evaluated, before the first step
         train(resumed, 21, 40);
