@@ -14,10 +14,10 @@ std::unique_ptr<TrainableAppearance> makeTrainableAppearance(const std::string& 
     return nullptr;
 }
 
-std::unique_ptr<ReferenceModel> makeReferenceModel(const SplatAsset& asset)
+std::unique_ptr<ReferenceModel> makeReferenceModel(const SplatAsset& asset, ShownPart part)
 {
 #define NACRE_MODEL(name) \
-    if (asset.model == #name) return name::makeReference(asset);
+    if (asset.model == #name) return name::makeReference(asset, part);
     NACRE_APPEARANCE_MODELS(NACRE_MODEL)
 #undef NACRE_MODEL
     return nullptr;

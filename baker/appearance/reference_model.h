@@ -3,6 +3,7 @@
 #pragma once
 
 #include "appearance/models.h"
+#include "appearance/shown_part.h"
 #include "appearance/sss/sss_edit.h"
 #include "base/light.h"
 #include "base/result.h"
@@ -25,12 +26,15 @@ public:
     virtual Status setEdits(std::span<const SplatEdit> edits) = 0;
 };
 
+/// Of a light in a mean over lights (PartInfo::radiance).
+inline float irradianceWeight(const Light& light, const LightSample<float>& l) { return (light.intensity[0] + light.intensity[1] + light.intensity[2]) * l.falloff; }
+
 #define NACRE_MODEL(name) \
-    namespace name { std::unique_ptr<ReferenceModel> makeReference(const SplatAsset& asset); }
+    namespace name { std::unique_ptr<ReferenceModel> makeReference(const SplatAsset& asset, ShownPart part); }
 NACRE_APPEARANCE_MODELS(NACRE_MODEL)
 #undef NACRE_MODEL
 
-/// Of the asset's model. `asset` must outlive it. Null if there is no such model.
-std::unique_ptr<ReferenceModel> makeReferenceModel(const SplatAsset& asset);
+/// Of the asset's model; `part`: one that it has (partsOf). `asset` must outlive it. Null if there is no such model.
+std::unique_ptr<ReferenceModel> makeReferenceModel(const SplatAsset& asset, ShownPart part = ShownPart::kImage);
 
 } // namespace nacre

@@ -1,6 +1,7 @@
 // nacre render: an asset from any camera under any lights, as one image or as a turn of frames.
 #include "cli.h"
 
+#include "eval/channel_pictures.h"
 #include "eval/contact_sheet.h"
 #include "eval/evaluate.h"
 #include "interchange/exr.h"
@@ -14,7 +15,7 @@
 namespace nacre::cli {
 
 struct RenderArguments {
-    std::string asset, output, size, camera, orbit, spin = "light";
+    std::string asset, output, size, camera, orbit, spin = "light", channel;
     RendererOption renderer;
     ThreadsOption threads;
     std::vector<std::string> lights, edits;
@@ -109,8 +110,52 @@ static std::filesystem::path frameName(const std::filesystem::path& output, int 
     return output.parent_path() / (output.stem().string() + format("_%04d", frame) + output.extension().string());
 }
 
+static Result<std::vector<SplatEdit>> parseEdits(const RenderArguments& args)
+{
+    std::vector<SplatEdit> edits;
+    for (const std::string& text : args.edits) {
+        const auto edit = parseEdit(text);
+        if (!edit) return edit.error();
+        edits.push_back(*edit);
+    }
+    return edits;
+}
+
+/// --channel NAME: its numbers (.exr) or a picture of them (.png). --channel all: a sheet of the pictures (.png).
+static Status runChannels(const RenderArguments& args)
+{
+    const auto threads = limitThreads(args.threads.count);
+    const bool all = args.channel == "all", numbers = std::filesystem::path(args.output).extension() == ".exr";
+    if (!numbers && std::filesystem::path(args.output).extension() != ".png")
+        return Error{ErrorCode::kBadInput, "-o '" + args.output + "': the name must end in .exr (numbers) or .png (for eyes)"};
+    if (all && numbers) return Error{ErrorCode::kBadInput, "-o '" + args.output + "': --channel all writes one sheet, a .png; .exr takes one channel by its name"};
+    if (Status s = checkWritable(args.output); !s) return s;
+    const auto file = openAsset(args.asset);
+    if (!file) return file.error();
+    const auto scene = buildScene(args, file->asset, findSubject(file->asset));
+    if (!scene) return scene.error();
+    const auto edits = parseEdits(args);
+    if (!edits) return edits.error();
+    if (all) {
+        const auto channels = channelPictures(file->asset, scene->camera, scene->lights, *edits);
+        if (!channels) return channels.error();
+        const Picture sheet = channelSheet(*channels);
+        if (Status s = writePng(args.output, sheet.width, sheet.height, 3, sheet.rgb); !s) return s;
+        std::printf("%s: %zu channels, %dx%d each\n", args.output.c_str(), channels->size(), scene->camera.width, scene->camera.height);
+        for (const ChannelPicture& c : *channels) std::printf("  %-15s %s\n", c.name.c_str(), c.scale.c_str());
+        return ok();
+    }
+    const auto channel = channelPicture(file->asset, args.channel, scene->camera, scene->lights, *edits);
+    if (!channel) return channel.error();
+    const Picture& picture = channel->picture;
+    if (Status s = numbers ? writeExr(channel->values, args.output) : writePng(args.output, picture.width, picture.height, 3, picture.rgb); !s) return s;
+    std::printf("%s: %s, %s\n", args.output.c_str(), args.channel.c_str(), numbers ? "its numbers" : channel->scale.c_str());
+    return ok();
+}
+
 static Status runRender(const RenderArguments& args)
 {
+    if (!args.channel.empty()) return runChannels(args);
     const std::atomic<bool>& stop = catchStopSignals();
     const auto threads = limitThreads(args.threads.count);
     const std::filesystem::path output(args.output);
@@ -125,13 +170,9 @@ static Status runRender(const RenderArguments& args)
     const auto renderer = args.renderer.make(*file);
     if (!renderer) return renderer.error();
 
-    std::vector<SplatEdit> edits;
-    for (const std::string& text : args.edits) {
-        const auto edit = parseEdit(text);
-        if (!edit) return edit.error();
-        edits.push_back(*edit);
-    }
-    if (Status s = (*renderer)->setEdits(edits); !s) return s;
+    const auto edits = parseEdits(args);
+    if (!edits) return edits.error();
+    if (Status s = (*renderer)->setEdits(*edits); !s) return s;
 
     Progress progress;
     const auto start = std::chrono::steady_clock::now();
@@ -181,10 +222,19 @@ Action addRender(CLI::App& app)
                     "  and residual, also called tint (factor of the light from beneath the surface); VALUE a number or r,g,b\n"
                     "  then perhaps @sphere:X,Y,Z,R or @box:X,Y,Z,X,Y,Z, in axes and units of the dataset: only there")
         ->allow_extra_args(false)->take_all();
+    CLI::Option* channel = sub->add_option("--channel", args->channel,
+                    "What the image is made of, by scalar code on the CPU: a part of the asset by its name, or \"all\": one labelled sheet of all that it has\n"
+                    "  bigs: direct, indirect, lobe, forward (light: they add up to the image); rho; T_dir, T_ind, s, visibility\n"
+                    "  sss:  specular, diffuse, scattered (light: they add up to the image); basecolor, roughness, metalness,\n"
+                    "        subsurfaceness; incident (share of the light that arrives), residual (scattered per irradiance)\n"
+                    "  both: normal, depth (distance from the camera), overdraw (splats blended in a pixel)\n"
+                    "  .exr: the numbers, light premultiplied, all else divided by coverage; .png: black to white as the output says.\n"
+                    "  Under several lights, transports, visibility, incident and residual are means weighted by irradiance");
     sub->add_option("--frames", args->frames, "More than 1: OUT_0000.png, OUT_0001.png, ... of one turn about the up axis")
-        ->check(wholeNumber(1, 100000))->capture_default_str();
+        ->check(wholeNumber(1, 100000))->capture_default_str()->excludes(channel);
     sub->add_option("--spin", args->spin, "What turns with --frames")->check(CLI::IsMember({"light", "camera"}))->capture_default_str();
     args->renderer.addTo(*sub);
+    channel->excludes(sub->get_option("--renderer"));
     args->threads.addTo(*sub);
     return [args] { return runRender(*args); };
 }

@@ -44,10 +44,10 @@ private:
 
 class ReferenceRenderer final : public SplatRenderer {
 public:
-    explicit ReferenceRenderer(const SplatAsset& asset) : asset_(asset)
+    explicit ReferenceRenderer(const SplatAsset& asset, const PartInfo& part = {}) : asset_(asset), part_(part)
     {
         geometry_ = geometryOf(asset_.cloud);
-        model_ = makeReferenceModel(asset_);
+        model_ = makeReferenceModel(asset_, part.part);
     }
     ReferenceRenderer(const PlainSplats& splats, float lowPassVariance) : look_(splats.look)
     {
@@ -108,13 +108,40 @@ private:
                     pixel[3] = blendPixel<float>(order, builder_.visible.projected.data(), channels_.data(), channels, float(x) + 0.5f, float(y) + 0.5f,
                                                  blended.data());
                     const glm::vec3 ray(pixelRay(camera, x + 0.5, y + 0.5));
-                    if (pixel[3] > 0) model_->resolve(blended.data(), pixel[3], eye, &ray.x, lights, pixel);
+                    if (part_.part == ShownPart::kOverdraw) std::fill_n(pixel, 3, float(layers(order, float(x) + 0.5f, float(y) + 0.5f)));
+                    else if (pixel[3] > 0) model_->resolve(blended.data(), pixel[3], eye, &ray.x, lights, pixel);
+                    if (part_.part != ShownPart::kOverdraw && !part_.radiance) divide(pixel);
                 }
         });
         return image;
     }
 
+    /// As blendPixel goes through them.
+    int layers(std::span<const uint32_t> order, float x, float y) const
+    {
+        int count = 0;
+        float transmittance = 1, dx, dy;
+        for (uint32_t i : order) {
+            const float alpha = splatAlpha(builder_.visible.projected[i], x, y, &dx, &dy);
+            if (!(alpha >= float(kMinAlpha))) continue;
+            ++count;
+            transmittance *= 1 - std::min(alpha, float(kMaxAlpha));
+            if (transmittance < float(kMinTransmittance)) break;
+        }
+        return count;
+    }
+
+    /// From a sum over the splats of a pixel to their mean.
+    void divide(float* pixel) const
+    {
+        float by = pixel[3];
+        if (part_.part == ShownPart::kNormal) by = glm::length(glm::vec3(pixel[0], pixel[1], pixel[2]));
+        if (part_.part == ShownPart::kDepth) by = float(by / asset_.frame.scale);
+        for (int c = 0; c < 3; ++c) pixel[c] = by > 0 ? pixel[c] / by : 0.0f;
+    }
+
     SplatAsset asset_;
+    PartInfo part_;
     NeutralLook look_; // of plain splats
     std::vector<GaussianGeometry<float>> geometry_;
     std::unique_ptr<ReferenceModel> model_;
@@ -129,6 +156,15 @@ Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& a
     if (Status s = validate(asset); !s) return s.error();
     if (!makeReferenceModel(asset)) return Error{ErrorCode::kUnsupported, "the reference renderer does not know the model '" + asset.model + "'"};
     return inDatasetFrame(asset.frame, std::make_unique<ReferenceRenderer>(asset));
+}
+
+Result<std::unique_ptr<SplatRenderer>> makePartRenderer(const SplatAsset& asset, const std::string& name)
+{
+    if (Status s = validate(asset); !s) return s.error();
+    if (!makeReferenceModel(asset)) return Error{ErrorCode::kUnsupported, "the reference renderer does not know the model '" + asset.model + "'"};
+    const auto part = findPart(asset, name);
+    if (!part) return part.error();
+    return inDatasetFrame(asset.frame, std::make_unique<ReferenceRenderer>(asset, *part));
 }
 
 std::unique_ptr<SplatRenderer> makePlainRenderer(const PlainSplats& splats, float lowPassVariance)

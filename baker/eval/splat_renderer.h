@@ -3,6 +3,7 @@
 #pragma once
 
 #include "appearance/sss/sss_edit.h"
+#include "appearance/shown_part.h"
 #include "base/camera.h"
 #include "base/image.h"
 #include "base/light.h"
@@ -35,6 +36,10 @@ Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte>
 
 /// Scalar math of formats/appearance and baker/render on the CPU.
 Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& asset);
+
+/// One of partsOf(asset) instead of the image, by the same code. Radiance is as in the image; all else is divided by coverage where there is any, numbers
+/// in all three colours; depth is in units of the dataset, overdraw counts the splats that a pixel blends.
+Result<std::unique_ptr<SplatRenderer>> makePartRenderer(const SplatAsset& asset, const std::string& name);
 
 /// Splats that only shine, in their own axes and units, by the same code; lights are ignored. The image is in the splats' colour space.
 std::unique_ptr<SplatRenderer> makePlainRenderer(const PlainSplats& splats, float lowPassVariance);

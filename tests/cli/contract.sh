@@ -437,6 +437,22 @@ for bad in color=1 roughness roughness=2 roughness=x-1 roughness=1,1,1 basecolor
     expect 2 "$bad" "$nacre" render sss.glb -o c.png --edit $bad
 done
 expect 2 "bigs" "$nacre" render $asset -o c.png --edit roughness=0.5
+echo "-- render --channel"
+for file in sss.glb $asset; do
+    expect 0 "" "$nacre" render $file -o channels.png "${view[@]}" --channel all
+    for name in normal depth overdraw; do grep -q "^  $name  *[a-z]" stdout.txt || fail "--channel all does not list $name: $(cat stdout.txt)"; done
+    expect 0 "" "$nacre" render $file -o depth.exr "${view[@]}" --channel depth
+done
+for file in channels.png depth.exr; do [ -s $file ] || fail "render --channel wrote no $file"; done
+expect 0 "" "$nacre" render $asset -o t.png "${view[@]}" --channel T_dir
+grep -q 'black 0, white' stdout.txt || fail "render --channel does not say how the picture is mapped"
+expect 2 "T_dir, T_ind, rho" "$nacre" render $asset -o c.png "${view[@]}" --channel roughness
+expect 2 "basecolor, roughness" "$nacre" render sss.glb -o c.png "${view[@]}" --channel T_dir
+expect 2 ".exr" "$nacre" render sss.glb -o c.jpg "${view[@]}" --channel depth
+expect 2 "one sheet" "$nacre" render sss.glb -o c.exr "${view[@]}" --channel all
+expect 2 "no folder" "$nacre" render sss.glb -o nosuch/c.png "${view[@]}" --channel all
+expect 2 "excludes" "$nacre" render sss.glb -o c.png "${view[@]}" --channel depth --renderer gl
+[ ! -e c.png ] && [ ! -e c.exr ] || fail "a channel that was refused was written"
 
 echo "-- bake: --model auto"
 expect 0 "" "${bake[@]}" -o auto.glb --model auto --iterations 20
