@@ -255,11 +255,11 @@ Result<Image> readPngSize(const std::string& path)
     return Image{int(header->width), int(header->height), {}};
 }
 
-Status writePng(const std::string& path, int width, int height, int channels, std::span<const uint8_t> pixels)
+Result<std::vector<std::byte>> encodePng(const std::string& name, int width, int height, int channels, std::span<const uint8_t> pixels)
 {
     if (width < 1 || height < 1 || uint32_t(width) > kMaxSide || uint32_t(height) > kMaxSide || (channels != 3 && channels != 4) ||
         size_t(width) * size_t(height) > kMaxPixels || pixels.size() != size_t(width) * size_t(height) * size_t(channels))
-        return bad(path, "cannot write a PNG of " + std::to_string(width) + " x " + std::to_string(height) + " x " + std::to_string(channels) +
+        return bad(name, "cannot write a PNG of " + std::to_string(width) + " x " + std::to_string(height) + " x " + std::to_string(channels) +
                              " from " + std::to_string(pixels.size()) + " bytes");
     std::vector<std::byte> encoded;
     const auto append = [](void* context, void* data, int size) {
@@ -268,8 +268,14 @@ Status writePng(const std::string& path, int width, int height, int channels, st
         out.insert(out.end(), bytes, bytes + size);
     };
     if (!stbi_write_png_to_func(append, &encoded, width, height, channels, pixels.data(), width * channels) || encoded.empty())
-        return Error{ErrorCode::kIo, path + ": cannot encode PNG"};
-    return writeFileAtomically(path, encoded);
+        return Error{ErrorCode::kIo, name + ": cannot encode PNG"};
+    return encoded;
+}
+
+Status writePng(const std::string& path, int width, int height, int channels, std::span<const uint8_t> pixels)
+{
+    const Result<std::vector<std::byte>> encoded = encodePng(path, width, height, channels, pixels);
+    return encoded ? writeFileAtomically(path, *encoded) : encoded.error();
 }
 
 } // namespace nacre

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace nacre {
 
@@ -37,7 +38,10 @@ Result<Image8> decodePng8(std::span<const std::byte> bytes, const std::string& n
 /// Width and height only, from the start of the file: `rgba` stays empty.
 Result<Image> readPngSize(const std::string& path);
 
-/// 8-bit RGB (channels = 3) or RGBA (4) PNG from display-encoded bytes, rows top to bottom, written atomically.
+/// 8-bit RGB (channels = 3) or RGBA (4) PNG from display-encoded bytes, rows top to bottom. `name` stands for it in error messages.
+Result<std::vector<std::byte>> encodePng(const std::string& name, int width, int height, int channels, std::span<const uint8_t> pixels);
+
+/// The same, written atomically.
 Status writePng(const std::string& path, int width, int height, int channels, std::span<const uint8_t> pixels);
 
 } // namespace nacre
