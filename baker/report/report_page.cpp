@@ -18,7 +18,7 @@ namespace {
 
 using Texts = std::vector<std::string>;
 
-// Kept small: no fonts, no colours that say something alone, nothing that needs a script. The plots' width is enough for two side by side.
+// Kept small: no fonts, no colours that say something alone, nothing that needs a script.
 constexpr const char* kCss = R"(
 :root { color-scheme: light; }
 * { box-sizing: border-box; }
@@ -31,15 +31,16 @@ a { color: #0b4f85; }
 nav ul { list-style: none; margin: 1rem 0 0; padding: 0; display: flex; flex-wrap: wrap; gap: .2rem 1.1rem; font-size: .92rem; }
 .quiet, .absent, figcaption, caption { color: #555; }
 .absent { font-style: italic; }
-.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(12.5rem, 1fr)); gap: .8rem; margin: 1.2rem 0; padding: 0; }
+.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .8rem; margin: 1.2rem 0; padding: 0; }
 .cards div { border: 1px solid #bbb; border-left: 5px solid #0072B2; border-radius: 4px; padding: .6rem .8rem; }
 .cards dt { font-size: .85rem; color: #555; }
 .cards dd { margin: 0; }
-.cards .value { font-size: 1.7rem; font-weight: 650; line-height: 1.25; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.cards .value { font-size: clamp(1.35rem, 5vw, 1.7rem); font-weight: 650; line-height: 1.25; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .cards .more { font-size: .85rem; color: #555; line-height: 1.35; }
 .wide { overflow-x: auto; margin: .6rem 0 1rem; }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
 caption { text-align: left; padding-bottom: .3rem; }
+caption span { display: inline-block; max-width: calc(100vw - 2rem); } /* a table may be wider than the screen, what it says of itself not */
 th, td { padding: .28rem .7rem .28rem 0; text-align: left; vertical-align: top; border-bottom: 1px solid #ddd; }
 th:not(:last-child), td:not(:last-child) { padding-right: 1.1rem; }
 thead th { border-bottom: 1.5px solid #1c1c1c; vertical-align: bottom; line-height: 1.25; }
@@ -53,9 +54,9 @@ tbody tr.strong > * { font-weight: 650; }
 figure { margin: .8rem 0; }
 figcaption { font-size: .92rem; }
 .plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: .4rem 1.2rem; align-items: start; }
-.plot { overflow-x: auto; margin: .4rem 0; }
-.plot svg { display: block; height: auto; min-width: 30rem; max-width: 100%; }
-.plots .plot svg { min-width: 0; }
+.plot { margin: .4rem 0; }
+.plot svg { display: block; height: auto; width: min(100%, 45rem); }
+.plots .plot svg { width: min(100%, 22rem); }
 img { display: block; max-width: 100%; height: auto; background: #000; }
 .channels { display: grid; grid-template-columns: repeat(auto-fill, minmax(9.5rem, 1fr)); gap: .7rem; }
 .channels figure { margin: 0; }
@@ -69,12 +70,14 @@ code { font: .92em ui-monospace, Consolas, monospace; overflow-wrap: anywhere; }
   @page { margin: 14mm; }
   body { font-size: 10.5pt; padding: 0; max-width: none; }
   nav { display: none; }
-  h2, h3 { break-after: avoid; }
-  figure, tr, .cards, .plot { break-inside: avoid; }
+  h2, h3, section > p { break-after: avoid; }
+  figure, tr, .cards, .plot, .short { break-inside: avoid; }
   thead { display: table-header-group; }
-  .wide, .plot { overflow: visible; }
+  .wide { overflow: visible; }
   .plots { grid-template-columns: repeat(3, 1fr); }
-  .plot svg { min-width: 0; }
+  .plot svg { width: 130mm; }
+  .plots .plot svg { width: 100%; }
+  .channels { grid-template-columns: repeat(6, 1fr); }
   * { print-color-adjust: exact; }
 }
 )";
@@ -102,17 +105,20 @@ struct Row {
     bool strong = false;
 };
 
+constexpr size_t kShortTable = 12; // rows that one sheet of paper keeps together
+
 std::string table(const std::string& caption, const std::vector<Column>& columns, const std::vector<Row>& rows)
 {
     const auto kind = [&](size_t column) { return columns[column].number ? " class=\"number\"" : ""; };
-    std::string out = "<div class=\"wide\"><table>\n<caption>" + escaped(caption) + "</caption>\n<thead><tr>";
+    std::string out = std::string("<div class=\"wide") + (rows.size() <= kShortTable ? " short" : "") + "\"><table>\n<caption><span>" +
+                      escaped(caption) + "</span></caption>\n<thead><tr>";
     for (size_t i = 0; i < columns.size(); ++i) out += std::string("<th scope=\"col\"") + kind(i) + ">" + escaped(columns[i].name) + "</th>";
     out += "</tr></thead>\n<tbody>\n";
     for (const Row& row : rows) {
         out += row.strong ? "<tr class=\"strong\">" : "<tr>";
         for (size_t i = 0; i < row.cells.size(); ++i) {
-            const char* tag = i == 0 ? "th" : "td";
-            out.append("<").append(tag).append(i == 0 ? " scope=\"row\"" : "").append(kind(i)).append(">").append(escaped(row.cells[i])).append("</").append(tag).append(">");
+            const std::string name = i == 0 ? "th" : "td";
+            out += "<" + name + (i == 0 ? " scope=\"row\"" : "") + kind(i) + ">" + escaped(row.cells[i]) + "</" + name + ">";
         }
         out += "</tr>\n";
     }
@@ -121,7 +127,8 @@ std::string table(const std::string& caption, const std::vector<Column>& columns
 
 std::string figure(const Plot& plot, const std::string& caption)
 {
-    return "<figure><div class=\"plot\">" + svgPlot(plot) + "</div><figcaption>" + escaped(caption) + "</figcaption></figure>\n";
+    const std::string below = caption.empty() ? "" : "<figcaption>" + escaped(caption) + "</figcaption>";
+    return "<figure><div class=\"plot\">" + svgPlot(plot) + "</div>" + below + "</figure>\n";
 }
 
 /// With its caption. Where there is room it is shown larger, up to `zoom` times.
@@ -130,8 +137,9 @@ std::string image(const Picture& p, const std::string& caption, const std::strin
     const Result<std::vector<std::byte>> png = encodePng("this picture", p.width, p.height, 3, p.rgb);
     const std::string below = "<figcaption>" + escaped(caption) + "</figcaption></figure>\n", width = std::to_string(p.width);
     if (!png) return "<figure>" + absent(png.error().message) + below;
-    return "<figure><img alt=\"" + escaped(alt) + "\" width=\"" + width + "\" height=\"" + std::to_string(p.height) + "\" style=\"width: " + fixedText(zoom * p.width, 0) +
-           "px\" src=\"data:image/png;base64," + toBase64(png->data(), png->size()) + "\" />" + below;
+    return "<figure><img alt=\"" + escaped(alt) + "\" width=\"" + width + "\" height=\"" + std::to_string(p.height) +
+           "\" style=\"width: " + std::to_string(int(zoom * p.width)) + "px\" src=\"data:image/png;base64," + toBase64(png->data(), png->size()) + "\" />" +
+           below;
 }
 
 // ---- What can be said of the figures
@@ -153,8 +161,12 @@ double fileBytes(const ReportData& d)
 }
 
 std::string decibel(double x) { return std::isfinite(x) ? fixedText(x, 2) + " dB" : fixedText(x, 2); }
-/// Hundredths where that is near three digits.
-std::string msText(double x) { return std::abs(x) >= 0.1 && std::abs(x) < 10 ? fixedText(x, 2) : figureText(x); }
+/// To hundredths or thousandths: what a clock tells.
+std::string msText(double x)
+{
+    const double size = std::abs(x);
+    return size >= 10 || size < 0.001 ? figureText(x) : fixedText(x, size >= 0.1 ? 2 : 3);
+}
 std::string measuredText(double x, std::string (*text)(double)) { return x > 0 ? text(x) : fixedText(NAN, 0); }
 std::string rangeText(double low, double high) { return low > 0 && high > 0 ? msText(low) + " to " + msText(high) : fixedText(NAN, 0); }
 std::string percent(double share)
@@ -193,20 +205,24 @@ std::string cards(const ReportData& d)
 {
     std::string out = "<dl class=\"cards\">\n";
     const auto card = [&](const std::string& name, const std::string& value, const std::string& more) {
-        out += "<div><dt>" + escaped(name) + "</dt><dd class=\"value\">" + escaped(value) + "</dd><dd class=\"more\">" + escaped(more) + "</dd></div>\n";
+        out +=
+            "<div><dt>" + escaped(name) + "</dt><dd class=\"value\">" + escaped(value) + "</dd><dd class=\"more\">" + escaped(more) + "</dd></div>\n";
     };
     if (const SplitFigures* s = mainSplit(d))
         card("Held-out images, masked PSNR", decibel(s->psnrMasked),
-             countText(double(s->images)) + " images of split " + s->split + (std::isfinite(s->noiseFloor) ? "; noise floor " + decibel(s->noiseFloor) : "; noise floor not stated"));
+             countText(double(s->images)) + " images of split " + s->split +
+                 (std::isfinite(s->noiseFloor) ? "; noise floor " + decibel(s->noiseFloor) : "; noise floor not stated"));
     else
-        card("Held-out images", "not measured", "no split but the training images");
+        card("Held-out images, masked PSNR", fixedText(NAN, 0), "not measured: no split but the training images");
     const TimedFrame& t = d.fullFrame;
     if (t.ms > 0)
-        card("Frame time, everything on", msText(t.ms) + " ms", "re-runs " + rangeText(t.low, t.high) + "; relight " + msText(t.relightMs) + ", sort " + msText(t.sortMs) + ", raster " + msText(t.rasterMs));
+        card("Frame time, everything on", msText(t.ms) + " ms",
+             "re-runs " + rangeText(t.low, t.high) + "; relight " + msText(t.relightMs) + ", sort " + msText(t.sortMs) + ", raster " +
+                 msText(t.rasterMs));
     else
-        card("Frame time", "not measured", "see the notes");
+        card("Frame time, everything on", fixedText(NAN, 0), "not measured");
     const double bytes = fileBytes(d);
-    card("File", bytes > 0 ? bytesText(bytes) : "not measured", bytes > 0 && d.splats > 0 ? figureText(bytes / double(d.splats)) + " bytes a splat" : "");
+    card("File", measuredText(bytes, bytesText), bytes > 0 && d.splats > 0 ? figureText(bytes / double(d.splats)) + " bytes a splat" : "");
     card("Splats", countText(double(d.splats)), "model " + d.model);
     return out + "</dl>\n";
 }
@@ -215,8 +231,8 @@ std::string summary(const ReportData& d)
 {
     const std::vector<FrontPoint> time = sortedFront(d.frontTime, timeOf), bytes = sortedFront(d.frontBytes, bytesOf);
     Texts lines;
-    for (const std::string& line : {price(time, timeOf, 0.5, "Half the frame time"), price(time, timeOf, 0.25, "A quarter of the frame time"), price(bytes, bytesOf, 0.5, "Half the bytes"),
-                                    price(bytes, bytesOf, 0.25, "A quarter of the bytes")})
+    for (const std::string& line : {price(time, timeOf, 0.5, "Half the frame time"), price(time, timeOf, 0.25, "A quarter of the frame time"),
+                                    price(bytes, bytesOf, 0.5, "Half the bytes"), price(bytes, bytesOf, 0.25, "A quarter of the bytes")})
         if (!line.empty()) lines.push_back(line);
     return lines.empty() ? "" : list(lines);
 }
@@ -226,13 +242,26 @@ std::string splitsSection(const ReportData& d)
     if (d.splits.empty()) return absent("No split of the dataset was measured.");
     std::vector<Row> rows;
     for (const SplitFigures& s : d.splits)
-        rows.push_back({{s.split, countText(double(s.images)), fixedText(s.psnrMasked, 2), fixedText(s.noiseFloor, 2), fixedText(s.psnr, 2), fixedText(s.psnrHighlight, 2), percent(s.highlightMissing),
-                         percent(s.highlightFalse), fixedText(s.ssim, 4), fixedText(s.flip, 4), figureText(s.relMseLinear)},
+        rows.push_back({{s.split, countText(double(s.images)), fixedText(s.psnrMasked, 2), fixedText(s.noiseFloor, 2), fixedText(s.psnr, 2),
+                         fixedText(s.psnrHighlight, 2), percent(s.highlightMissing), percent(s.highlightFalse), fixedText(s.ssim, 4),
+                         fixedText(s.flip, 4), figureText(s.relMseLinear)},
                         &s == mainSplit(d)});
-    return paragraph("Masked PSNR counts the pixels of the object only. The noise floor is the PSNR between two independent renders or photographs of the same frames: against noisy references "
+    return paragraph("Masked PSNR counts the pixels of the object only. The noise floor is the PSNR between two independent renders or photographs "
+                     "of the same frames: against noisy references "
                      "a perfect model scores 3 dB above it, and figures of training images beyond that are learnt noise.") +
            table("The whole asset at the pixels of the dataset; means over images.",
-                 {{"split", false}, {"images"}, {"PSNR masked [dB]"}, {"noise floor [dB]"}, {"PSNR [dB]"}, {"PSNR of highlights [dB]"}, {"highlights missing"}, {"highlights invented"}, {"SSIM"}, {"FLIP"}, {"relative MSE, linear"}}, rows);
+                 {{"split", false},
+                  {"images"},
+                  {"PSNR masked [dB]"},
+                  {"noise floor [dB]"},
+                  {"PSNR [dB]"},
+                  {"PSNR of highlights [dB]"},
+                  {"highlights missing"},
+                  {"highlights invented"},
+                  {"SSIM"},
+                  {"FLIP"},
+                  {"relative MSE, linear"}},
+                 rows);
 }
 
 /// Both fronts. `scale`: of the axis.
@@ -260,15 +289,17 @@ std::string frontSection(const std::vector<FrontPoint>& points, Quantity quantit
     if (front.empty()) return out + absent("None of the settings could be measured; the notes say why.");
     const double low = quantity(front.front()), high = quantity(front.back());
     const auto text = [&](double x) { return quantity == timeOf ? msText(x) + " ms" : bytesText(x); };
-    out += paragraph(std::to_string(points.size()) + " settings measured, " + std::to_string(front.size()) + " of them on the front: from " + text(low) + " to " + text(high) + ", a range of " +
-                     fixedText(high / low, 1) + " times, at " + fixedText(front.front().psnrMasked, 2) + " to " + decibel(front.back().psnrMasked) + ".");
-    Plot plot{"Masked PSNR against " + what, {axis, high / low > 4}, {"masked PSNR [dB]"}, {}, {}, 720, 420};
+    out += paragraph(std::to_string(points.size()) + " settings measured, " + std::to_string(front.size()) + " of them on the front: from " +
+                     text(low) + " to " + text(high) + ", a range of " + fixedText(high / low, 1) + " times, at " +
+                     fixedText(front.front().psnrMasked, 2) + " to " + decibel(front.back().psnrMasked) + ".");
+    Plot plot{"Masked PSNR against " + what, {axis, high / low > 4}, {"masked PSNR [dB]"}, {}, {}, 600, 380};
     if (!dominated.points.empty()) plot.series.push_back(dominated);
     plot.series.push_back(best);
-    out += figure(plot, "Up and to the left is better. Numbers are those of the table" + std::string(presets ? "; rings are presets of the asset" : "") +
-                            (quantity == timeOf ? "; bars hold the medians of nine re-runs in ten." : "."));
+    out +=
+        figure(plot, "Up and to the left is better. Numbers are those of the table" + std::string(presets ? "; rings are presets of the asset" : "") +
+                         (quantity == timeOf ? "; bars hold the medians of nine re-runs in ten." : "."));
     const auto any = [&](auto has) { return std::any_of(front.begin(), front.end(), has); };
-    const bool times = any([](const FrontPoint& p) { return p.time.ms > 0; }), sizes = any([](const FrontPoint& p) { return p.bytes > 0; });
+    const bool times = any([](const FrontPoint&p) { return p.time.ms > 0; }), sizes = any([](const FrontPoint&p) { return p.bytes > 0; });
     std::vector<Column> columns = {{"no."}, {"settings", false}};
     if (presets) columns.push_back({"preset", false});
     if (times) columns.insert(columns.end(), {{"frame [ms]"}, {"re-runs [ms]"}});
@@ -297,14 +328,19 @@ std::string levelsSection(const ReportData& d)
     for (const FrontPoint& p : d.levels)
         if (std::isfinite(p.psnrMasked)) best = std::max(best, p.psnrMasked);
     for (const FrontPoint& p : d.levels) {
-        rows.push_back({{p.settings, measuredText(p.time.ms, msText), rangeText(p.time.low, p.time.high), measuredText(p.bytes, bytesText), fixedText(p.psnrMasked, 2), fixedText(best - p.psnrMasked, 2)}, !p.preset.empty()});
+        rows.push_back({{p.settings, measuredText(p.time.ms, msText), rangeText(p.time.low, p.time.high), measuredText(p.bytes, bytesText),
+                         fixedText(p.psnrMasked, 2), fixedText(best - p.psnrMasked, 2)},
+                        !p.preset.empty()});
         series.points.push_back({p.time.ms, p.psnrMasked, p.time.low, p.time.high, p.settings, p.settings, false});
     }
     std::stable_sort(series.points.begin(), series.points.end(), [](const PlotPoint& a, const PlotPoint& b) { return a.x < b.x; });
     const bool timed = std::any_of(d.levels.begin(), d.levels.end(), [](const FrontPoint& p) { return p.time.ms > 0; });
     return paragraph("The splats are stored in an order of importance: the first so many of them are the asset at less detail.") +
-           (timed ? figure({"Masked PSNR of the levels against frame time", {"frame time [ms]"}, {"masked PSNR [dB]"}, {series}, {}}, "Every level, all else on.") : "") +
-           table("Levels of detail.", {{"level", false}, {"frame [ms]"}, {"re-runs [ms]"}, {"file"}, {"PSNR masked [dB]"}, {"below the best [dB]"}}, rows);
+           (timed ? figure({"Masked PSNR of the levels against frame time", {"frame time [ms]"}, {"masked PSNR [dB]"}, {series}, {}, 600, 340},
+                           "Every level, all else on.")
+                  : "") +
+           table("Levels of detail.", {{"level", false}, {"frame [ms]"}, {"re-runs [ms]"}, {"file"}, {"PSNR masked [dB]"}, {"below the best [dB]"}},
+                 rows);
 }
 
 std::string historySection(const ReportData& d)
@@ -320,18 +356,21 @@ std::string historySection(const ReportData& d)
     for (const HistoryPoint& h : d.history)
         if (h.heldOut == heldOut && h.psnr >= best - 0.5) near = std::min(near, h.seconds);
     const double unit = end > 300 ? 60 : 1;
-    Plot plot{"PSNR against bake time", {unit > 1 ? "bake time [min]" : "bake time [s]", false, true}, {"PSNR [dB]"}, {}, {}, 720, 360};
+    Plot plot{"PSNR against bake time", {unit > 1 ? "bake time [min]" : "bake time [s]", false, true}, {"PSNR [dB]"}, {}, {}, 600, 340};
     for (const bool held : {true, false}) {
         PlotSeries series;
         series.name = held ? "held-out images" : "training images", series.line = PlotSeries::Line::kStraight;
         for (const HistoryPoint& h : d.history)
-            if (h.heldOut == held) series.points.push_back({h.seconds / unit, h.psnr, NAN, NAN, "", durationText(h.seconds) + ": " + decibel(h.psnr) + ", " + countText(double(h.splats)) + " splats", false});
+            if (h.heldOut == held)
+                series.points.push_back({h.seconds / unit, h.psnr, NAN, NAN, "",
+                                         durationText(h.seconds) + ": " + decibel(h.psnr) + ", " + countText(double(h.splats)) + " splats", false});
         series.markers = series.points.size() <= 60;
         if (!series.points.empty()) plot.series.push_back(std::move(series));
     }
     std::string text = "Baked in " + durationText(end) + ".";
     if (best > -1e300 && end > 0)
-        text += " On the " + std::string(heldOut ? "held-out" : "training") + " images it was within 0.5 dB of its best after " + durationText(near) + ", " + percent(near / end) + " of that.";
+        text += " On the " + std::string(heldOut ? "held-out" : "training") + " images it was within 0.5 dB of its best after " + durationText(near) +
+                ", " + percent(near / end) + " of that.";
     return paragraph(text) + figure(plot, heldOut ? "" : "No cameras were held out of this bake: the curve is of training images.");
 }
 
@@ -345,10 +384,12 @@ std::string ledgerSection(const ReportData& d)
             if (r.leftOut == leftOut) rows.push_back({{r.part, bytesText(r.bytes), msText(r.ms), fixedText(r.lossDecibel, 2), r.note}});
         if (rows.empty()) continue;
         out += heading(leftOut ? "Left out of this asset" : "In this asset");
-        out += table(leftOut ? "Measured by switching each back on: what leaving it out saves, and what it loses." : "Measured by switching each off: what that saves, and what it loses.",
+        out += table(leftOut ? "Measured by switching each back on: what leaving it out saves, and what it loses."
+                             : "Measured by switching each off: what that saves, and what it loses.",
                      {{"part", false}, {"bytes saved"}, {"ms saved"}, {"dB lost"}, {"how it was measured", false}}, rows);
     }
-    if (!d.neverPays.empty()) out += heading("Knobs that never pay here") + paragraph("No setting of these lies on a front, so they are not offered.") + list(d.neverPays);
+    if (!d.neverPays.empty())
+        out += heading("Knobs that never pay here") + paragraph("No setting of these lies on a front, so they are not offered.") + list(d.neverPays);
     return out;
 }
 
@@ -363,10 +404,16 @@ std::string scalingsSection(const ReportData& d)
         PlotSeries series;
         series.name = "measured";
         for (size_t i = 0; i < std::min(s.x.size(), s.ms.size()); ++i) series.points.push_back({s.x[i] / unit, s.ms[i]});
-        const Plot plot{"Frame time against " + s.quantity, {per.empty() ? s.quantity : s.quantity + " [" + per.substr(0, per.size() - 1) + "]", false, true}, {"frame time [ms]", false, true},
-                        {series}, {{"fitted", s.slope * unit, s.offset}}, 330, 260};
+        const Plot plot{"Frame time against " + s.quantity,
+                        {per.empty() ? s.quantity : s.quantity + " [" + per.substr(0, per.size() - 1) + "]", false, true},
+                        {"frame time [ms]", false, true},
+                        {series},
+                        {{"fitted", s.slope * unit, s.offset}},
+                        330,
+                        260};
         const std::string one = unit == 1 && s.quantity.ends_with('s') ? s.quantity.substr(0, s.quantity.size() - 1) : s.quantity;
-        out += figure(plot, msText(s.offset) + " ms and " + msText(s.slope * unit) + " ms for each " + per + one + "; the line is at most " + percent(s.residual) + " off.");
+        out += figure(plot, msText(s.offset) + " ms and " + figureText(s.slope * unit) + " ms for each " + per + one + "; the line is at most " +
+                                percent(s.residual) + " off.");
     }
     return out + "</div>\n";
 }
@@ -401,9 +448,19 @@ std::string stabilitySection(const ReportData& d)
                      (std::isfinite(share(worst)) ? ", " + percent(share(worst)) + " of its bound." : ".") + (worst.ok ? "" : " It FAILED."));
     std::vector<Row> rows;
     for (const StabilityRow& r : d.stability)
-        rows.push_back({{r.name, r.quantity, r.backEnd, figureText(r.largest), figureText(r.bound), percent(share(r)), r.ok ? "ok" : "FAILED", r.reason}, !r.ok});
+        rows.push_back(
+            {{r.name, r.quantity, r.backEnd, figureText(r.largest), figureText(r.bound), percent(share(r)), r.ok ? "ok" : "FAILED", r.reason},
+             !r.ok});
     return out + table("Largest deviation from float64: the cases nearest to their bounds.",
-                       {{"case", false}, {"quantity", false}, {"back end", false}, {"deviation"}, {"bound"}, {"of the bound"}, {"", false}, {"why this bound", false}}, rows);
+                       {{"case", false},
+                        {"quantity", false},
+                        {"back end", false},
+                        {"deviation"},
+                        {"bound"},
+                        {"of the bound"},
+                        {"", false},
+                        {"why this bound", false}},
+                       rows);
 }
 
 std::string memorySection(const ReportData& d)
@@ -418,7 +475,8 @@ std::string aboutSection(const ReportData& d)
 {
     std::string out = "<dl class=\"facts\">\n";
     const auto fact = [&](const char* name, const std::string& value, bool code = false) {
-        if (!value.empty()) out += std::string("<dt>") + name + "</dt><dd>" + (code ? "<code>" : "") + escaped(value) + (code ? "</code>" : "") + "</dd>\n";
+        if (!value.empty())
+            out += std::string("<dt>") + name + "</dt><dd>" + (code ? "<code>" : "") + escaped(value) + (code ? "</code>" : "") + "</dd>\n";
     };
     fact("Asset", d.asset), fact("Dataset", d.dataset), fact("Model", d.model), fact("Baked with", d.bakedWith);
     fact("Images", d.width > 0 && d.height > 0 ? pixelsText(d) : "");
@@ -451,7 +509,8 @@ std::string reportPage(const ReportData& d)
         {"about", "How this was measured", aboutSection(d)},
     };
     const std::string title = "Nacre report: " + d.asset;
-    std::string out = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\" />\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\" />\n"
+    std::string out = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\" />\n<meta name=\"viewport\" "
+                      "content=\"width=device-width, initial-scale=1\" />\n"
                       // Whatever a text should smuggle in, nothing is loaded and no script runs.
                       "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\" />\n";
     out += "<title>" + escaped(title) + "</title>\n<style>" + kCss + "</style>\n</head>\n<body>\n<header>\n<h1>" + escaped(d.asset) + "</h1>\n";
@@ -460,7 +519,8 @@ std::string reportPage(const ReportData& d)
     out += cards(d) + summary(d) + "<nav aria-label=\"Contents\"><ul>\n";
     for (const Section& s : sections) out += std::string("<li><a href=\"#") + s.id + "\">" + escaped(s.title) + "</a></li>\n";
     out += "</ul></nav>\n</header>\n<main>\n";
-    for (const Section& s : sections) out += std::string("<section id=\"") + s.id + "\">\n<h2>" + escaped(s.title) + "</h2>\n" + s.html + "</section>\n";
+    for (const Section& s : sections)
+        out += std::string("<section id=\"") + s.id + "\">\n<h2>" + escaped(s.title) + "</h2>\n" + s.html + "</section>\n";
     return out + "</main>\n</body>\n</html>\n";
 }
 

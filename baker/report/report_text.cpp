@@ -18,7 +18,11 @@ size_t characterBytes(std::string_view text)
 {
     const auto byte = [&](size_t i) { return uint32_t(static_cast<unsigned char>(text[i])); };
     const uint32_t first = byte(0);
-    const size_t size = first < 0x80 ? 1 : first >= 0xc2 && first < 0xe0 ? 2 : first >= 0xe0 && first < 0xf0 ? 3 : first >= 0xf0 && first < 0xf5 ? 4 : 0;
+    const size_t size = first < 0x80                    ? 1
+                        : first >= 0xc2 && first < 0xe0 ? 2
+                        : first >= 0xe0 && first < 0xf0 ? 3
+                        : first >= 0xf0 && first < 0xf5 ? 4
+                                                        : 0;
     if (size == 0 || size > text.size()) return 0;
     uint32_t code = size == 1 ? first : first & (0xffu >> (size + 1));
     for (size_t i = 1; i < size; ++i) {
@@ -80,7 +84,8 @@ std::string fixedText(double x, int decimals)
     if (!std::isfinite(x)) return kDash;
     char text[64];
     const bool huge = std::abs(x) >= 1e15;
-    std::string out(text, std::to_chars(text, text + sizeof text, x, huge ? std::chars_format::scientific : std::chars_format::fixed, huge ? 2 : decimals).ptr);
+    std::string out(
+        text, std::to_chars(text, text + sizeof text, x, huge ? std::chars_format::scientific : std::chars_format::fixed, huge ? 2 : decimals).ptr);
     if (out.starts_with('-') && out.find_first_not_of("-0.") == std::string::npos) out.erase(0, 1); // no -0.00
     return huge ? shortExponent(out) : withCommas(out);
 }
@@ -100,7 +105,8 @@ std::string countText(double x) { return fixedText(x, 0); }
 
 std::string bytesText(double bytes)
 {
-    if (std::abs(bytes) < 1000 || !std::isfinite(bytes)) return countText(bytes) + (std::isfinite(bytes) ? std::abs(bytes) == 1 ? " byte" : " bytes" : "");
+    if (std::abs(bytes) < 1000 || !std::isfinite(bytes))
+        return countText(bytes) + (std::isfinite(bytes) ? std::abs(bytes) == 1 ? " byte" : " bytes" : "");
     const int power = std::clamp(int(std::floor(std::log10(std::abs(bytes)) / 3)), 1, 4);
     static constexpr const char* kUnits[] = {"", " kB", " MB", " GB", " TB"};
     return figureText(bytes / std::pow(1000.0, power)) + kUnits[power];

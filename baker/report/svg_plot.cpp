@@ -20,7 +20,8 @@ struct Style {
     const char *color, *dash;
 };
 // Okabe and Ito without their yellow, which paper swallows. Shapes go with them: drawMarker.
-constexpr Style kStyles[] = {{"#0072B2", ""}, {"#D55E00", "7 3"}, {"#009E73", "2 3"}, {"#CC79A7", "9 3 2 3"}, {"#E69F00", "4 2"}, {"#56B4E9", "1 2"}, {"#000000", "12 4"}};
+constexpr Style kStyles[] = {{"#0072B2", ""},    {"#D55E00", "7 3"}, {"#009E73", "2 3"}, {"#CC79A7", "9 3 2 3"},
+                             {"#E69F00", "4 2"}, {"#56B4E9", "1 2"}, {"#000000", "12 4"}};
 constexpr Style kGrey = {"#8c8c8c", ""};
 
 /// Two colours of lines and texts.
@@ -37,7 +38,8 @@ std::string tickText(double x)
 {
     char text[40];
     const bool plain = x == 0 || (std::abs(x) >= 1e-4 && std::abs(x) < 1e7);
-    std::string out(text, std::to_chars(text, text + sizeof text, x, plain ? std::chars_format::general : std::chars_format::scientific, plain ? 10 : 9).ptr);
+    std::string out(
+        text, std::to_chars(text, text + sizeof text, x, plain ? std::chars_format::general : std::chars_format::scientific, plain ? 10 : 9).ptr);
     if (plain) return out;
     const size_t e = out.find('e'), last = out.find_last_not_of('0', e - 1), end = out[last] == '.' ? last : last + 1;
     return shortExponent(out.erase(end, e - end));
@@ -50,7 +52,8 @@ double textWidth(const std::string& text, double font)
 
 std::string textAt(double x, double y, const std::string& text, const char* anchor, double font = kFont, const std::string& more = "")
 {
-    return "<text x=\"" + at(x) + "\" y=\"" + at(y) + "\" text-anchor=\"" + anchor + "\" font-size=\"" + at(font) + "\" fill=\"" + kInk + "\"" + more + ">" + escaped(text) + "</text>\n";
+    return "<text x=\"" + at(x) + "\" y=\"" + at(y) + "\" text-anchor=\"" + anchor + "\" font-size=\"" + at(font) + "\" fill=\"" + kInk + "\"" +
+           more + ">" + escaped(text) + "</text>\n";
 }
 
 std::string lineFrom(double x0, double y0, double x1, double y1, const std::string& stroke)
@@ -68,7 +71,8 @@ std::string strokeOf(const Style& style, double width)
 std::string marker(size_t shape, double x, double y, double r, const Style& style, bool hollow, const std::string& hint)
 {
     const std::string inside = hint.empty() ? "/>\n" : "><title>" + escaped(hint) + "</title>";
-    const std::string look = std::string(" fill=\"") + (hollow ? "#fff" : style.color) + "\" stroke=\"" + style.color + "\" stroke-width=\"1.2\"" + inside;
+    const std::string look =
+        std::string(" fill=\"") + (hollow ? "#fff" : style.color) + "\" stroke=\"" + style.color + "\" stroke-width=\"1.2\"" + inside;
     const auto polygon = [&](std::initializer_list<std::pair<double, double>> corners) {
         std::string out = "<polygon points=\"";
         for (const auto& [dx, dy] : corners) out.append(at(x + r * dx)).append(",").append(at(y + r * dy)).append(" ");
@@ -80,7 +84,19 @@ std::string marker(size_t shape, double x, double y, double r, const Style& styl
     case 2: return polygon({{0, -1.2}, {1.15, 0.85}, {-1.15, 0.85}});
     case 3: return polygon({{0, -1.35}, {1.35, 0}, {0, 1.35}, {-1.35, 0}});
     case 4: return polygon({{0, 1.2}, {1.15, -0.85}, {-1.15, -0.85}});
-    case 5: return polygon({{-1.2, -0.4}, {-0.4, -0.4}, {-0.4, -1.2}, {0.4, -1.2}, {0.4, -0.4}, {1.2, -0.4}, {1.2, 0.4}, {0.4, 0.4}, {0.4, 1.2}, {-0.4, 1.2}, {-0.4, 0.4}, {-1.2, 0.4}});
+    case 5:
+        return polygon({{-1.2, -0.4},
+                        {-0.4, -0.4},
+                        {-0.4, -1.2},
+                        {0.4, -1.2},
+                        {0.4, -0.4},
+                        {1.2, -0.4},
+                        {1.2, 0.4},
+                        {0.4, 0.4},
+                        {0.4, 1.2},
+                        {-0.4, 1.2},
+                        {-0.4, 0.4},
+                        {-1.2, 0.4}});
     case 6: return polygon({{-1.3, -0.6}, {1.3, -0.6}, {1.3, 0.6}, {-1.3, 0.6}});
     default: return "<circle cx=\"" + at(x) + "\" cy=\"" + at(y) + "\" r=\"" + at(r) + "\"" + look + (hint.empty() ? "" : "</circle>\n");
     }
@@ -93,7 +109,10 @@ struct Scale {
     bool logarithmic = false;
     double low = 0, high = 1; // log10 where logarithmic
     double from = 0, to = 1;  // pixels
-    double operator()(double value) const { return from + (to - from) * (((logarithmic ? std::log10(std::max(value, kLeast)) : value) - low) / (high - low)); }
+    double operator()(double value) const
+    {
+        return from + (to - from) * (((logarithmic ? std::log10(std::max(value, kLeast)) : value) - low) / (high - low));
+    }
 };
 
 Scale scaleOf(std::vector<double> values, const PlotAxis& axis)
@@ -125,7 +144,10 @@ std::vector<double> roundNumbers(double low, double high, int about)
 
 struct Box {
     double left = 0, top = 0, right = 0, bottom = 0;
-    double overlap(const Box& b) const { return std::max(0.0, std::min(right, b.right) - std::max(left, b.left)) * std::max(0.0, std::min(bottom, b.bottom) - std::max(top, b.top)); }
+    double overlap(const Box& b) const
+    {
+        return std::max(0.0, std::min(right, b.right) - std::max(left, b.left)) * std::max(0.0, std::min(bottom, b.bottom) - std::max(top, b.top));
+    }
 };
 
 /// Labels where they hide neither a point nor each other, and lines as little as can be.
@@ -144,11 +166,23 @@ public:
 
     std::string place(const PlotPoint& point, double x, double y)
     {
-        const double font = point.marked ? kFont : kSmall, width = textWidth(point.label, font) * (point.marked ? 1.08 : 1), height = font, gap = kMarker + (point.marked ? 6 : 4);
+        const double font = point.marked ? kFont : kSmall, width = textWidth(point.label, font) * (point.marked ? 1.08 : 1) + 4, height = font,
+                     gap = kMarker + (point.marked ? 6 : 4);
         // Nearest first.
-        const std::pair<double, double> middles[] = {
-            {gap + width / 2, 0}, {gap + width / 2, -gap - 2}, {gap + width / 2, gap + 2}, {0, -gap - height / 2}, {0, gap + height / 2}, {-gap - width / 2, 0}, {-gap - width / 2, -gap - 2},
-            {-gap - width / 2, gap + 2}, {0, -gap - 1.6 * height}, {0, gap + 1.6 * height}, {gap + width / 2, -2.2 * height}, {gap + width / 2, 2.2 * height}, {-gap - width / 2, -2.2 * height}, {-gap - width / 2, 2.2 * height}};
+        const std::pair<double, double> middles[] = {{gap + width / 2, 0},
+                                                     {gap + width / 2, -gap - 2},
+                                                     {gap + width / 2, gap + 2},
+                                                     {0, -gap - height / 2},
+                                                     {0, gap + height / 2},
+                                                     {-gap - width / 2, 0},
+                                                     {-gap - width / 2, -gap - 2},
+                                                     {-gap - width / 2, gap + 2},
+                                                     {0, -gap - 1.6 * height},
+                                                     {0, gap + 1.6 * height},
+                                                     {gap + width / 2, -2.2 * height},
+                                                     {gap + width / 2, 2.2 * height},
+                                                     {-gap - width / 2, -2.2 * height},
+                                                     {-gap - width / 2, 2.2 * height}};
         Box best;
         double least = std::numeric_limits<double>::infinity(), leastHidden = 0;
         for (const auto& [dx, dy] : middles) {
@@ -230,7 +264,9 @@ std::string svgPlot(const Plot& plot)
 
     // Where it goes.
     Scale x = scaleOf(ends, plot.x), y = scaleOf(ys, plot.y);
-    const auto ticksOf = [](const Scale& s) { return s.logarithmic ? plotTicks(std::pow(10.0, s.low), std::pow(10.0, s.high), true) : plotTicks(s.low, s.high, false); };
+    const auto ticksOf = [](const Scale& s) {
+        return s.logarithmic ? plotTicks(std::pow(10.0, s.low), std::pow(10.0, s.high), true) : plotTicks(s.low, s.high, false);
+    };
     const std::vector<double> xTicks = ticksOf(x), yTicks = ticksOf(y);
     double widest = 0;
     for (const double tick : yTicks) widest = std::max(widest, textWidth(tickText(tick), kSmall));
@@ -245,11 +281,13 @@ std::string svgPlot(const Plot& plot)
         styles.emplace_back(shape, series.grey ? kGrey : kStyles[shape % std::size(kStyles)]);
         const bool lined = series.line != PlotSeries::Line::kNone;
         if (!series.name.empty())
-            entries.push_back({series.name, (lined ? sampleLine(styles.back().second) : "") + (series.markers ? marker(shape, 14, 0, kMarker, styles.back().second, series.grey, "") : "")});
+            entries.push_back({series.name, (lined ? sampleLine(styles.back().second) : "") +
+                                                (series.markers ? marker(shape, 14, 0, kMarker, styles.back().second, series.grey, "") : "")});
     }
     const auto fitStyle = [&](size_t i) { return Style{"#000000", kStyles[(i + 1) % std::size(kStyles)].dash}; };
     for (size_t i = 0; i < plot.fits.size(); ++i)
-        if (!plot.fits[i].name.empty() && std::isfinite(plot.fits[i].slope + plot.fits[i].offset)) entries.push_back({plot.fits[i].name, sampleLine(fitStyle(i))});
+        if (!plot.fits[i].name.empty() && std::isfinite(plot.fits[i].slope + plot.fits[i].offset))
+            entries.push_back({plot.fits[i].name, sampleLine(fitStyle(i))});
     double legendHeight = 0;
     const std::string legendText = legend(entries, area.left, area.right, &legendHeight);
     area.top += legendHeight;
@@ -257,24 +295,32 @@ std::string svgPlot(const Plot& plot)
     area.bottom += legendHeight;
     x.from = area.left, x.to = area.right, y.from = area.bottom, y.to = area.top;
 
-    std::string out = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " + at(plot.width) + " " + at(height) + "\" width=\"" + at(plot.width) + "\" height=\"" + at(height) +
-                      "\" role=\"img\" aria-label=\"" + escaped(plot.title) + "\" font-family=\"system-ui, 'Segoe UI', Helvetica, Arial, sans-serif\">\n";
+    std::string out = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " + at(plot.width) + " " + at(height) + "\" width=\"" +
+                      at(plot.width) + "\" height=\"" + at(height) + "\" role=\"img\" aria-label=\"" + escaped(plot.title) +
+                      "\" font-family=\"system-ui, 'Segoe UI', Helvetica, Arial, sans-serif\">\n";
     out += "<rect width=\"" + at(plot.width) + "\" height=\"" + at(height) + "\" fill=\"#fff\"/>\n";
     out += "<g transform=\"translate(0 6)\">\n" + legendText + "</g>\n";
 
     const std::string grid = std::string("stroke=\"") + kGrid + "\"";
     out += "<g class=\"axes\">\n";
-    for (const double tick : xTicks) out += lineFrom(x(tick), area.top, x(tick), area.bottom, grid) + textAt(x(tick), area.bottom + kLine, tickText(tick), "middle", kSmall);
-    for (const double tick : yTicks) out += lineFrom(area.left, y(tick), area.right, y(tick), grid) + textAt(area.left - 6, y(tick) + 4, tickText(tick), "end", kSmall);
-    out += "<rect x=\"" + at(area.left) + "\" y=\"" + at(area.top) + "\" width=\"" + at(area.right - area.left) + "\" height=\"" + at(area.bottom - area.top) + "\" fill=\"none\" stroke=\"#777\"/>\n";
+    for (const double tick : xTicks)
+        out += lineFrom(x(tick), area.top, x(tick), area.bottom, grid) + textAt(x(tick), area.bottom + kLine, tickText(tick), "middle", kSmall);
+    for (const double tick : yTicks)
+        out += lineFrom(area.left, y(tick), area.right, y(tick), grid) + textAt(area.left - 6, y(tick) + 4, tickText(tick), "end", kSmall);
+    out += "<rect x=\"" + at(area.left) + "\" y=\"" + at(area.top) + "\" width=\"" + at(area.right - area.left) + "\" height=\"" +
+           at(area.bottom - area.top) + "\" fill=\"none\" stroke=\"#777\"/>\n";
     const auto fitting = [](const std::string& label, double room) { return shortened(label, size_t(std::max(4.0, room / (0.56 * kFont)))); };
     out += textAt((area.left + area.right) / 2, area.bottom + 2 * kLine + 1, fitting(plot.x.label, area.right - area.left), "middle");
     const double middle = (area.top + area.bottom) / 2;
-    out += textAt(kLine - 3, middle, fitting(plot.y.label, area.bottom - area.top), "middle", kFont, " transform=\"rotate(-90 " + at(kLine - 3) + " " + at(middle) + ")\"");
+    out += textAt(kLine - 3, middle, fitting(plot.y.label, area.bottom - area.top), "middle", kFont,
+                  " transform=\"rotate(-90 " + at(kLine - 3) + " " + at(middle) + ")\"");
     if (xs.empty()) out += textAt((area.left + area.right) / 2, middle, "nothing to show", "middle");
     out += "</g>\n";
     if (omitted)
-        out += textAt(area.left, height - 8, std::to_string(omitted) + " of " + std::to_string(all) + " points cannot be drawn: not finite" + (plot.x.logarithmic || plot.y.logarithmic ? ", or not above 0" : ""), "start", kSmall);
+        out += textAt(area.left, height - 8,
+                      std::to_string(omitted) + " of " + std::to_string(all) + " points cannot be drawn: not finite" +
+                          (plot.x.logarithmic || plot.y.logarithmic ? ", or not above 0" : ""),
+                      "start", kSmall);
 
     const auto shown = [&](const PlotPoint& p) { return drawable(p.x, x.logarithmic) && drawable(p.y, y.logarithmic); };
     Labels labels(area);
@@ -282,7 +328,8 @@ std::string svgPlot(const Plot& plot)
     for (size_t i = 0; i < plot.fits.size() && firstX < lastX; ++i) {
         std::string points; // straight lines are curves on logarithmic axes
         for (int k = 0; k <= 64; ++k) {
-            const double t = k / 64.0, at0 = x.logarithmic ? std::pow(10.0, std::log10(firstX) * (1 - t) + std::log10(lastX) * t) : firstX * (1 - t) + lastX * t;
+            const double t = k / 64.0,
+                         at0 = x.logarithmic ? std::pow(10.0, std::log10(firstX) * (1 - t) + std::log10(lastX) * t) : firstX * (1 - t) + lastX * t;
             const double value = plot.fits[i].offset + plot.fits[i].slope * at0;
             if (drawable(value, y.logarithmic)) points += at(x(at0)) + "," + at(y(value)) + " ";
         }
@@ -312,11 +359,14 @@ std::string svgPlot(const Plot& plot)
                 labels.avoidLine(from, py, to, py);
                 marks += lineFrom(from, py, to, py, stroke) + lineFrom(from, py - 3, from, py + 3, stroke) + lineFrom(to, py - 3, to, py + 3, stroke);
             }
-            if (p.marked) marks += "<circle cx=\"" + at(px) + "\" cy=\"" + at(py) + "\" r=\"" + at(kMarker + 4) + "\" fill=\"none\" stroke=\"#000\" stroke-width=\"1.6\"/>\n";
+            if (p.marked)
+                marks += "<circle cx=\"" + at(px) + "\" cy=\"" + at(py) + "\" r=\"" + at(kMarker + 4) +
+                         "\" fill=\"none\" stroke=\"#000\" stroke-width=\"1.6\"/>\n";
             if (series.markers || p.marked) marks += marker(shape, px, py, half, style, series.grey, p.hint);
         }
         marks += "</g>\n";
-        if (series.line != PlotSeries::Line::kNone && !path.empty()) lines += "<polyline points=\"" + path + "\" fill=\"none\" " + strokeOf(style, series.grey ? 1 : 2) + "/>\n";
+        if (series.line != PlotSeries::Line::kNone && !path.empty())
+            lines += "<polyline points=\"" + path + "\" fill=\"none\" " + strokeOf(style, series.grey ? 1 : 2) + "/>\n";
     }
     for (const bool marked : {true, false}) // those that must be there choose first
         for (const PlotSeries& series : plot.series)

@@ -136,7 +136,8 @@ ReportData hostileData()
     d.neverPays = d.notes = {kHostile, "b"};
     d.history = {{1, 20, 10, false}, {2, 25, 10, true}, {3, kNan, 10, true}};
     d.ledger = {{kHostile, false, 10, kNan, 0.5, kHostile}, {"lobe", true, kNan, 0.25, -0.1, ""}};
-    d.scalings = {{kHostile, {1, 2, 4}, {1.5, 2.5, 4.5}, 1, 0.5, 0.01}, {"splats", {1e6, 2e6}, {kNan, kInf}, kNan, kNan, kNan}, {"pixels", {}, {}, 0, 0, 0}};
+    d.scalings = {
+        {kHostile, {1, 2, 4}, {1.5, 2.5, 4.5}, 1, 0.5, 0.01}, {"splats", {1e6, 2e6}, {kNan, kInf}, kNan, kNan, kNan}, {"pixels", {}, {}, 0, 0, 0}};
     const Picture picture{2, 1, {255, 0, 0, 0, 128, 255}};
     d.images = {{kHostile, picture}, {"not there", {}}};
     d.channels = {{kHostile, {{kHostile, picture}, {"direct", picture}}}};
@@ -169,11 +170,16 @@ std::vector<std::vector<std::string>> parsedCsv(const std::string& text)
     bool quoted = false;
     for (size_t i = 0; i < text.size(); ++i) {
         std::string& cell = rows.back().back();
-        if (quoted && text[i] == '"' && i + 1 < text.size() && text[i + 1] == '"') cell += text[i++];
-        else if (text[i] == '"') quoted = !quoted;
-        else if (quoted || (text[i] != ',' && text[i] != '\n')) cell += text[i];
-        else if (text[i] == ',') rows.back().emplace_back();
-        else if (i + 1 < text.size()) rows.push_back({""});
+        if (quoted && text[i] == '"' && i + 1 < text.size() && text[i + 1] == '"')
+            cell += text[i++];
+        else if (text[i] == '"')
+            quoted = !quoted;
+        else if (quoted || (text[i] != ',' && text[i] != '\n'))
+            cell += text[i];
+        else if (text[i] == ',')
+            rows.back().emplace_back();
+        else if (i + 1 < text.size())
+            rows.push_back({""});
     }
     REQUIRE(!quoted);
     for (const auto& row : rows) REQUIRE(row.size() == rows.front().size());
@@ -253,7 +259,8 @@ TEST_CASE("points lie on the axes in the order of their values, inside the plot"
     }
     // On a logarithmic axis, equal ratios are equal distances.
     const std::vector<Element> circles = named(parsed(svgPlot(plotOf({{1, 1}, {10, 2}, {100, 3}}, true))), "circle");
-    CHECK(circles[1].number("cx") - circles[0].number("cx") == doctest::Approx(circles[2].number("cx") - circles[1].number("cx")).epsilon(0.001)); // written with one decimal
+    CHECK(circles[1].number("cx") - circles[0].number("cx") ==
+          doctest::Approx(circles[2].number("cx") - circles[1].number("cx")).epsilon(0.001)); // written with one decimal
 }
 
 TEST_CASE("plots of nothing, of one point, of equal and of huge values are plots")
@@ -267,7 +274,8 @@ TEST_CASE("plots of nothing, of one point, of equal and of huge values are plots
                 CAPTURE(logarithmic);
                 Plot plot = plotOf({{a, b}, {b, a}, {a, a}}, logarithmic, logarithmic);
                 plot.series[0].line = PlotSeries::Line::kSteps;
-                plot.series[0].points[0].low = a, plot.series[0].points[0].high = b, plot.series[0].points[0].label = "one", plot.series[0].points[0].marked = true;
+                plot.series[0].points[0].low = a, plot.series[0].points[0].high = b, plot.series[0].points[0].label = "one",
+                plot.series[0].points[0].marked = true;
                 plot.fits = {{"line", a, b}};
                 const std::string svg = svgPlot(plot);
                 CHECK(svg.find("nan") == std::string::npos);
@@ -277,7 +285,8 @@ TEST_CASE("plots of nothing, of one point, of equal and of huge values are plots
                 const size_t expected = drawn(a) && drawn(b) ? 4 : drawn(a) ? 1 : 0; // three, and the ring of the first
                 CHECK(named(elements, "circle").size() == expected);
                 CHECK(says(elements, "cannot be drawn") == (expected < 4));
-                for (const Element& c : named(elements, "circle")) CHECK((c.number("cx") > 0 && c.number("cx") < 560 && c.number("cy") > 0 && c.number("cy") < 400));
+                for (const Element& c : named(elements, "circle"))
+                    CHECK((c.number("cx") > 0 && c.number("cx") < 560 && c.number("cy") > 0 && c.number("cy") < 400));
             }
     Plot none{"none", {"x"}, {"y"}, {}, {}};
     CHECK(says(parsed(svgPlot(none)), "nothing to show"));
@@ -389,7 +398,8 @@ TEST_CASE("what was not measured is said in a line each, without empty tables, p
     const std::vector<Element> elements = parsed(reportPage(ReportData{}));
     for (const char* name : {"table", "svg", "img", "figure"}) CHECK(named(elements, name).empty());
     const std::vector<Element> paragraphs = named(elements, "p");
-    CHECK(std::count_if(paragraphs.begin(), paragraphs.end(), [](const Element& e) { return e.attributes.contains("class") && e.attributes.at("class") == "absent"; }) == 11);
+    CHECK(std::count_if(paragraphs.begin(), paragraphs.end(),
+                        [](const Element& e) { return e.attributes.contains("class") && e.attributes.at("class") == "absent"; }) == 11);
     for (const Element& e : paragraphs) CHECK(!e.text.empty());
 }
 
@@ -431,7 +441,7 @@ TEST_CASE("JSON has every figure, null for what is none")
     CHECK(json["seconds"] == 61);
     const Json empty = reportJson(ReportData{});
     CHECK((empty["splits"].is_object() && empty["front_time"].is_array() && empty["never_pays"].is_array()));
-    CHECK(empty["full_frame"]["ms"].is_null());
+    for (const auto& [key, value] : empty["full_frame"].items()) CHECK(value.is_null());
 }
 
 TEST_CASE("tables are CSV: commas, quotes and line breaks come back")
@@ -446,7 +456,8 @@ TEST_CASE("tables are CSV: commas, quotes and line breaks come back")
         parsedCsv(textOf(entry.path().string()));
         names.insert(entry.path().filename().string());
     }
-    CHECK(names == std::set<std::string>{"about.csv", "front_bytes.csv", "front_time.csv", "history.csv", "ledger.csv", "levels.csv", "memory.csv", "scalings.csv", "splits.csv", "stability.csv"});
+    CHECK(names == std::set<std::string>{"about.csv", "front_bytes.csv", "front_time.csv", "history.csv", "ledger.csv", "levels.csv", "memory.csv",
+                                         "scalings.csv", "splits.csv", "stability.csv"});
     const auto front = parsedCsv(textOf(folder.path + "/tables/front_time.csv"));
     REQUIRE(front.size() == 7);
     CHECK(front[1][0] == text);
