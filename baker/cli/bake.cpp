@@ -5,6 +5,7 @@
 #include "asset/asset_io.h"
 #include "base/file.h"
 #include "device/cuda_engine.h"
+#include "pack/importance.h"
 #include "pack/neutral_look.h"
 #include "pack/pack.h"
 #include "peak_memory.h"
@@ -263,9 +264,11 @@ static Result<StoredAsset> unpacked(bool interop, SplatAsset asset, const OlatSp
     auto neutral = fitNeutralLook(asset, lights);
     if (!neutral) return neutral.error();
     asset.neutral = std::move(*neutral);
+    std::vector<std::string> warnings;
+    if (const Status s = ensureImportance(asset, &train); !s) warnings.push_back("splats could not be ordered by importance (" + s.error().message + "): all or none can be drawn");
     auto file = interop ? encodeInterop(asset) : encodeAsset(asset);
     if (!file) return file.error();
-    return StoredAsset{std::move(*file), asset.cloud.count, "", {}};
+    return StoredAsset{std::move(*file), asset.cloud.count, "", std::move(warnings)};
 }
 
 static Result<StoredAsset> storedAs(const std::string& profile, const SplatAsset& asset, const OlatSplit& train, Progress& progress)

@@ -3,6 +3,7 @@
 
 #include "asset/asset_io.h"
 #include "base/file.h"
+#include "pack/importance.h"
 #include "pack/neutral_look.h"
 #include "pack/pack.h"
 #include "pack/pack_curve.h"
@@ -51,6 +52,8 @@ static Result<std::vector<std::byte>> interopOf(const AssetFile& in)
 {
     Result<SplatAsset> asset = decodeAsset(in.bytes);
     if (!asset) return asset.error();
+    for (const char* name : {"importance", "growth"})
+        if (const Channel* c = in.asset.find(name); c && !asset->find(name)) asset->channels.push_back(*c);
     if (asset->neutral.shFunctions == 0) {
         auto look = fitNeutralLook(in.asset, neutralLights(in.asset));
         if (!look) return look.error();
@@ -60,8 +63,9 @@ static Result<std::vector<std::byte>> interopOf(const AssetFile& in)
 }
 
 /// Profiles that round nothing.
-static Status writeUnpacked(const PackArguments& args, const AssetFile& in)
+static Status writeUnpacked(const PackArguments& args, AssetFile in)
 {
+    if (const Status s = ensureImportance(in.asset, nullptr); !s) warn("splats could not be ordered by importance (" + s.error().message + "): all or none can be drawn");
     const auto file = args.profile == "interop" ? interopOf(in) : encodeAsset(in.asset);
     if (!file) return file.error();
     if (Status s = writeFileAtomically(args.out, *file); !s) return s;
@@ -98,10 +102,10 @@ static Status runPack(const PackArguments& args)
     const bool chooses = args.bytesPerSplat > 0 || !args.curve.empty() || !args.against.empty() || args.givenLoss || args.givenVisibility;
     if (args.profile != "compact" && chooses)
         return Error{ErrorCode::kBadInput, "--profile " + args.profile + " rounds nothing: leave out --max-loss-db, --bytes-per-splat, --visibility, --against and --curve"};
-    const auto file = openAsset(args.in);
+    auto file = openAsset(args.in);
     if (!file) return file.error();
     if (file->asset.profile == "compact") warn("'" + args.in + "' is packed already: what that lost is not counted");
-    if (args.profile != "compact") return writeUnpacked(args, *file);
+    if (args.profile != "compact") return writeUnpacked(args, std::move(*file));
 
     PackOptions options;
     options.maxLossDecibel = args.maxLoss, options.bytesPerSplat = args.bytesPerSplat, options.curve = !args.curve.empty();

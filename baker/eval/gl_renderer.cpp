@@ -24,7 +24,7 @@ public:
         nacreContextDestroy(context_); // and what is in it
     }
 
-    Status open(std::span<const std::byte> assetBytes)
+    Status open(std::span<const std::byte> assetBytes, const Detail& detail)
     {
         Result<std::unique_ptr<HeadlessGl>> gl = HeadlessGl::create();
         if (!gl) return gl.error();
@@ -38,7 +38,11 @@ public:
         if (Status s = check(nacreViewCreate(context_, nullptr, &view_)); !s) return s;
         NacreInstanceDesc instance{}; // where the asset is its own world
         instance.structSize = sizeof instance;
-        if (Status s = check(nacreAssetCreate(context_, assetBytes.data(), assetBytes.size(), &instance.asset)); !s) return s;
+        NacreDetail reduced{};
+        reduced.structSize = sizeof reduced;
+        reduced.splats = detail.splats, reduced.leaveOut = detail.leaveOut;
+        reduced.transportFunctions = detail.transportFunctions, reduced.visibilitySize = detail.visibilitySize;
+        if (Status s = check(nacreAssetCreateDetail(context_, assetBytes.data(), assetBytes.size(), &reduced, &instance.asset)); !s) return s;
         asset_ = instance.asset;
         return check(nacreInstanceCreate(&instance, &instance_));
     }
@@ -151,10 +155,10 @@ private:
 
 } // namespace
 
-Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes)
+Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes, const Detail& detail)
 {
     auto renderer = std::make_unique<GlRenderer>();
-    if (Status s = renderer->open(assetBytes); !s) return s.error();
+    if (Status s = renderer->open(assetBytes, detail); !s) return s.error();
     const Result<AssetFrame> frame = renderer->frame();
     if (!frame) return frame.error();
     return inDatasetFrame(*frame, std::move(renderer));

@@ -5,6 +5,7 @@
 #include <GL/glcorearb.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 #include <utility>
 #include <vector>
@@ -12,7 +13,7 @@
 namespace nacre {
 
 #define NACRE_HEADLESS_FUNCTIONS(X)                                                                                              \
-    X(BINDFRAMEBUFFER, BindFramebuffer) X(BINDRENDERBUFFER, BindRenderbuffer) X(CHECKFRAMEBUFFERSTATUS, CheckFramebufferStatus)  \
+    X(BINDFRAMEBUFFER, BindFramebuffer) X(BLITFRAMEBUFFER, BlitFramebuffer) X(FINISH, Finish) X(BINDRENDERBUFFER, BindRenderbuffer) X(CHECKFRAMEBUFFERSTATUS, CheckFramebufferStatus)  \
     X(CLEARBUFFERFV, ClearBufferfv) X(DELETEFRAMEBUFFERS, DeleteFramebuffers) X(DELETERENDERBUFFERS, DeleteRenderbuffers)        \
     X(FRAMEBUFFERRENDERBUFFER, FramebufferRenderbuffer) X(GENFRAMEBUFFERS, GenFramebuffers)                                      \
     X(GENRENDERBUFFERS, GenRenderbuffers) X(GETINTEGERV, GetIntegerv) X(GETSTRING, GetString) X(PIXELSTOREI, PixelStorei)        \
@@ -131,6 +132,40 @@ Image HeadlessGl::readFrame()
     for (int y = 0; y < gl.height / 2; ++y) // GL rows run bottom to top
         std::swap_ranges(image.pixel(0, y), image.pixel(0, y) + 4 * gl.width, image.pixel(0, gl.height - 1 - y));
     return image;
+}
+
+double HeadlessGl::enlargedSeconds(int width, int height)
+{
+    Impl& gl = *impl_;
+    GLuint framebuffer = 0, color = 0;
+    gl.GenFramebuffers(1, &framebuffer);
+    gl.GenRenderbuffers(1, &color);
+    gl.BindRenderbuffer(GL_RENDERBUFFER, color);
+    gl.RenderbufferStorage(GL_RENDERBUFFER, gl.format, width, height);
+    gl.BindFramebuffer(GL_READ_FRAMEBUFFER, gl.framebuffer);
+    gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+    gl.FramebufferRenderbuffer(GL_DRAW_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, color);
+    std::vector<double> seconds;
+    for (int i = 0; i < 25; ++i) {
+        gl.Finish();
+        const auto start = std::chrono::steady_clock::now();
+        gl.BlitFramebuffer(0, 0, gl.width, gl.height, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_LINEAR);
+        gl.Finish();
+        if (i >= 5) seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    }
+    gl.DeleteFramebuffers(1, &framebuffer);
+    gl.DeleteRenderbuffers(1, &color);
+    gl.BindFramebuffer(GL_FRAMEBUFFER, gl.framebuffer);
+    std::nth_element(seconds.begin(), seconds.begin() + ptrdiff_t(seconds.size() / 2), seconds.end());
+    return seconds[seconds.size() / 2];
+}
+
+Result<double> enlargingMilliseconds(int fromWidth, int fromHeight, int width, int height)
+{
+    const Result<std::unique_ptr<HeadlessGl>> gl = HeadlessGl::create();
+    if (!gl) return gl.error();
+    if (Status s = (*gl)->beginFrame(fromWidth, fromHeight); !s) return s.error();
+    return 1e3 * (*gl)->enlargedSeconds(width, height);
 }
 
 void* HeadlessGl::getProcAddress(const char* name, void*) { return current ? current->getProcAddress(name) : nullptr; }

@@ -30,6 +30,8 @@ public:
     Status beginFrame(int width, int height, unsigned format = 0);
     /// The frame, rows top to bottom.
     Image readFrame();
+    /// Median time of enlarging the frame to this size with a linear filter.
+    double enlargedSeconds(int width, int height);
     /// e.g. "llvmpipe (LLVM 15.0.6, 256 bits), GL 4.5"
     const std::string& description() const { return description_; }
     bool isSoftware() const;
@@ -43,5 +45,9 @@ private:
     std::unique_ptr<Impl> impl_;
     std::string description_;
 };
+
+/// Median time of enlarging a float frame with a linear filter, as a host does that draws splats at fewer pixels than its own [ms]. Made and
+/// measured in a context of its own.
+Result<double> enlargingMilliseconds(int fromWidth, int fromHeight, int width, int height);
 
 } // namespace nacre

@@ -119,6 +119,47 @@ double ssimSum(const Plane& a, const Plane& b, const Image& reference)
     return sum;
 }
 
+struct Sums {
+    double squared = 0, relative = 0;
+    size_t samples = 0;
+};
+struct ErrorSums {
+    Sums whole, masked; // the latter the former if the reference shows nothing
+};
+
+ErrorSums sumErrors(const Image& render, const Image& reference)
+{
+    ErrorSums sums;
+    const size_t pixels = size_t(render.width) * size_t(render.height);
+    for (size_t i = 0; i < pixels; ++i) {
+        if (!isKnown(reference, i)) continue;
+        double squared = 0, relative = 0;
+        for (size_t c = 0; c < 3; ++c) {
+            const float a = render.rgba[4 * i + c], b = reference.rgba[4 * i + c];
+            const double display = double(srgbFromLinear(std::clamp(a, 0.0f, 1.0f))) - srgbFromLinear(std::clamp(b, 0.0f, 1.0f));
+            const double linear = double(a) - b;
+            squared += display * display;
+            relative += linear * linear / (double(b) * b + 0.01);
+        }
+        const auto add = [&](Sums& s) {
+            s.squared += squared;
+            s.relative += relative;
+            s.samples += 3;
+        };
+        add(sums.whole);
+        if (reference.rgba[4 * i + 3] > 0.5f) add(sums.masked);
+    }
+    if (sums.masked.samples == 0) sums.masked = sums.whole;
+    return sums;
+}
+
+bool sameSizes(const Image& a, const Image& b)
+{
+    const bool same = a.width == b.width && a.height == b.height && a.width > 0 && a.height > 0 && a.rgba.size() == b.rgba.size();
+    assert(same);
+    return same;
+}
+
 } // namespace
 
 double ssim(const Image& render, const Image& reference)
@@ -133,39 +174,12 @@ double ssim(const Image& render, const Image& reference)
 
 ImageMetrics compareImages(const Image& render, const Image& reference)
 {
-    const bool sameSize = render.width == reference.width && render.height == reference.height && render.width > 0 &&
-                          render.height > 0 && render.rgba.size() == reference.rgba.size();
-    assert(sameSize);
-    if (!sameSize) {
+    if (!sameSizes(render, reference)) {
         constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
         return {kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan};
     }
 
-    struct Sums {
-        double squared = 0, relative = 0;
-        size_t samples = 0;
-    } whole, masked;
-    const size_t pixels = size_t(render.width) * size_t(render.height);
-    for (size_t i = 0; i < pixels; ++i) {
-        if (!isKnown(reference, i)) continue;
-        double squared = 0, relative = 0;
-        for (size_t c = 0; c < 3; ++c) {
-            const float a = render.rgba[4 * i + c], b = reference.rgba[4 * i + c];
-            const double display = double(srgbFromLinear(std::clamp(a, 0.0f, 1.0f))) - srgbFromLinear(std::clamp(b, 0.0f, 1.0f));
-            const double linear = double(a) - b;
-            squared += display * display;
-            relative += linear * linear / (double(b) * b + 0.01);
-        }
-        const auto add = [&](Sums& sums) {
-            sums.squared += squared;
-            sums.relative += relative;
-            sums.samples += 3;
-        };
-        add(whole);
-        if (reference.rgba[4 * i + 3] > 0.5f) add(masked);
-    }
-    if (masked.samples == 0) masked = whole;
-
+    const auto [whole, masked] = sumErrors(render, reference);
     ImageMetrics metrics;
     metrics.psnr = psnrOf(whole.squared, whole.samples);
     metrics.psnrMasked = psnrOf(masked.squared, masked.samples);
@@ -174,6 +188,13 @@ ImageMetrics compareImages(const Image& render, const Image& reference)
     metrics.relMseLinear = masked.relative / double(masked.samples);
     measureHighlights(render, reference, metrics);
     return metrics;
+}
+
+double psnrMaskedOf(const Image& render, const Image& reference)
+{
+    if (!sameSizes(render, reference)) return std::numeric_limits<double>::quiet_NaN();
+    const Sums masked = sumErrors(render, reference).masked;
+    return psnrOf(masked.squared, masked.samples);
 }
 
 double highlightPsnr(const ImageMetrics& sums)

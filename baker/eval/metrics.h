@@ -32,6 +32,9 @@ constexpr double kMaxPsnr = 100.0;
 /// The images must have one size (else every figure is NaN). NaN pixels give NaN figures.
 ImageMetrics compareImages(const Image& render, const Image& reference);
 
+/// ImageMetrics::psnrMasked alone, in a hundredth of the time.
+double psnrMaskedOf(const Image& render, const Image& reference);
+
 /// Structural similarity of Γ(render) and Γ(reference) (Wang et al. 2004): 11x11 Gaussian window, sigma 1.5, C1 = 0.01^2, C2 = 0.03^2, mean
 /// over all pixels and rgb. Zero padding at the border, as in the 3DGS code, so that the figure compares with published ones.
 double ssim(const Image& render, const Image& reference);

@@ -8,6 +8,7 @@
 #include "base/image.h"
 #include "base/light.h"
 #include "base/result.h"
+#include "splats/detail.h"
 #include "splats/plain_splats.h"
 
 #include <memory>
@@ -31,8 +32,8 @@ public:
     virtual std::string description() const = 0;
 };
 
-/// Through the public runtime API on a headless EGL context. `assetBytes` is the .glb. Error kGpu if there is no context.
-Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes);
+/// Through the public runtime API on a headless EGL context. `assetBytes` is the .glb, of which `detail` is loaded. Error kGpu if there is no context.
+Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes, const Detail& detail = {});
 
 /// Scalar math of formats/appearance and baker/render on the CPU.
 Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& asset);

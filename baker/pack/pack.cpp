@@ -1,8 +1,10 @@
 #include "pack/pack.h"
 
 #include "appearance/coded_channels.h"
+#include "appearance/detail.h"
 #include "appearance/model_table.h"
 #include "asset/asset_decode.h"
+#include "pack/importance.h"
 #include "pack/pack_views.h"
 #include "pack/quantise.h"
 #include "splat/light_visibility.h"
@@ -27,8 +29,10 @@ SplatAsset withoutChannel(SplatAsset asset, const std::string& name)
     return asset;
 }
 
+/// That is part of the look; those that say how splats are left out are not.
 bool mayBeAbsent(const SplatAsset& asset, const Channel& channel)
 {
+    if (channel.name == "importance" || channel.name == "growth") return false;
     for (const ChannelSpec& spec : findAppearanceModel(asset.model)->channels)
         if (channel.name == spec.name) return spec.components[0] == 0;
     return false;
@@ -59,24 +63,36 @@ public:
         return measure();
     }
 
+    /// Of a reduced version of the same asset: what rounding costs hardly changes.
+    void calibrateLike(const Packer& whole) { steps_ = whole.steps_, errors_ = whole.errors_; }
+
+    QuantisedAsset quantisedAt(double each) const { return quantise(source_, balanced(each)); }
+
     /// Every number adds an error of `each`.
     Result<Trial> at(double each) const
     {
         Trial trial;
         trial.each = each;
-        trial.quantised = quantise(source_, balanced(each));
+        trial.quantised = quantisedAt(each);
         Result<std::vector<std::byte>> file = encodeCompact(trial.quantised);
         if (!file) return file.error();
         trial.file = std::move(*file);
-        Result<SplatAsset> asset = dequantise(trial.quantised);
+        Result<SplatAsset> asset = read(trial.quantised);
         if (!asset) return asset.error();
-        expandChannels(*asset);
-        if (asset->drawnVisibility > 0) // maps hardly change with the rounding of splats: those at hand serve
-            asset->channels.push_back(*source_.asset.find("visibility")), asset->drawnVisibility = 0;
         const Result<double> error = reference_->error(*asset);
         if (!error) return error.error();
         trial.error = *error;
         return trial;
+    }
+
+    /// As a reader gets it, but for drawn maps, which hardly change with the rounding of splats: those at hand serve.
+    Result<SplatAsset> read(const QuantisedAsset& quantised) const
+    {
+        Result<SplatAsset> asset = dequantise(quantised);
+        if (!asset) return asset;
+        expandChannels(*asset);
+        if (asset->drawnVisibility > 0) asset->channels.push_back(*source_.asset.find("visibility")), asset->drawnVisibility = 0;
+        return asset;
     }
 
     Result<double> errorWithout(const std::string& channel) const
@@ -91,6 +107,10 @@ private:
     {
         std::vector<double> steps;
         for (size_t g = 0; g < steps_.size(); ++g) {
+            if (source_.groups[g].exact) {
+                steps.push_back(source_.groups[g].firstStep);
+                continue;
+            }
             const double wanted = each * source_.groups[g].activeNumbers;
             const double factor = errors_[g] > 0 ? std::sqrt(wanted / errors_[g]) : 64.0;
             steps.push_back(steps_[g] * std::clamp(factor, 1.0 / 256, 64.0));
@@ -106,6 +126,10 @@ private:
         const Result<double> rest = reference_->error(unrounded); // of what is left out
         if (!rest) return rest.error();
         for (size_t g = 0; g < steps_.size(); ++g) {
+            if (source_.groups[g].exact) {
+                errors_.push_back(0);
+                continue;
+            }
             const Result<double> error = reference_->error(onlyGroup(g, steps_[g]));
             if (!error) return error.error();
             errors_.push_back(std::max(0.0, *error - *rest));
@@ -253,6 +277,10 @@ Result<PackResult> packCompact(const SplatAsset& asset, const PackOptions& optio
     };
     PackResult result;
     SplatAsset input = asset;
+    if (!input.find("importance")) {
+        say("ordering splats by importance");
+        if (Status s = addImportance(input, many); !s) return s.error();
+    }
     std::optional<Packer> packer;
     Result<Packer::Trial> best = packed(input, packer);
     if (!best) return best.error();
@@ -296,6 +324,42 @@ Result<PackResult> packCompact(const SplatAsset& asset, const PackOptions& optio
     result.lossDecibel = lossOf(best->error), result.psnr = -10 * std::log10(std::max(best->error, 1e-12));
     result.file = std::move(best->file);
     return result;
+}
+
+Result<std::vector<PackedVersion>> packVersions(const SplatAsset& asset, const OlatSplit* seen, std::span<const Detail> details, std::span<const double> rates,
+                                                const std::function<bool(const std::string&)>& progress)
+{
+    constexpr double kAbout = 2e-6;
+    constexpr int kDrawn = 32;
+    if (Status s = validate(asset); !s) return s.error();
+    if (!progress("measuring what rounding shows")) return Error{ErrorCode::kCancelled, "stopped"};
+    std::vector<PackView> views = seen ? viewsOf(*seen, asset.frame, kViews) : std::vector<PackView>();
+    if (views.empty()) {
+        Result<std::vector<PackView>> around = viewsAround(asset, kViews);
+        if (!around) return around.error();
+        views = std::move(*around);
+    }
+    const Result<PackReference> reference = PackReference::render(asset, views);
+    if (!reference) return reference.error();
+    Packer whole(prepareForQuantising(asset, splatImportance(asset, views), kDrawn), *reference);
+    if (Status s = whole.calibrate(); !s) return s.error();
+    std::vector<PackedVersion> versions;
+    for (const Detail& detail : details) {
+        SplatAsset reduced = asset;
+        if (Status s = reduceDetail(reduced, detail); !s) return s.error();
+        Packer packer(prepareForQuantising(reduced, splatImportance(reduced, views), kDrawn), *reference);
+        packer.calibrateLike(whole);
+        for (const double rate : rates) {
+            if (!progress("packing " + std::to_string(versions.size() + 1) + " of " + std::to_string(details.size() * rates.size()))) return Error{ErrorCode::kCancelled, "stopped"};
+            const QuantisedAsset quantised = packer.quantisedAt(kAbout * std::exp2(rate));
+            Result<std::vector<std::byte>> file = encodeCompact(quantised);
+            if (!file) return file.error();
+            Result<SplatAsset> read = packer.read(quantised);
+            if (!read) return read.error();
+            versions.push_back({detail, rate, std::move(*file), std::move(*read)});
+        }
+    }
+    return versions;
 }
 
 } // namespace nacre

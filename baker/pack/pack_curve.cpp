@@ -1,7 +1,7 @@
 #include "pack/pack_curve.h"
 
 #include "base/file.h"
-#include "report/svg_plot.h"
+#include "eval/svg_plot.h"
 
 #include <charconv>
 #include <filesystem>

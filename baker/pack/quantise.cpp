@@ -3,7 +3,7 @@
 #include "base/octahedral.h"
 #include "pack/leading_rows.h"
 #include "pack/principal_axes.h"
-#include "splat/morton.h"
+#include "splats/morton.h"
 
 #include <tbb/parallel_for.h>
 
@@ -67,11 +67,16 @@ std::vector<QuantGroup> groupsOf(const SplatAsset& asset)
         const auto group = [&](const std::string& suffix, uint32_t first, uint32_t count, BlockTransform transform, const std::string& basis, double active, double step) {
             groups.push_back({c.name + suffix, {{c.name, first, count}}, transform, basis, active, step});
         };
+        const auto exact = [&](double step) { // not by what shows: nothing does until splats are left out
+            groups.push_back({c.name, {{c.name, 0, c.components}}, BlockTransform::kLinear, "", 0, step, true});
+        };
         const auto spread = [&](uint32_t first, uint32_t count) {
             return c.values.empty() ? 40.0 : std::max(1e-9, deviation(&c.values[first], rows, c.components, count));
         };
         const uint32_t n = c.components;
-        if (c.perAsset && c.name == "network") { // weights; then where the object is, which has to be right
+        if (c.name == "importance") exact(1); // a factor of two
+        else if (c.name == "growth") exact(1e-4);
+        else if (c.perAsset && c.name == "network") { // weights; then where the object is, which has to be right
             group(".weights", 0, n - 4, BlockTransform::kLinear, "", 0.2, 0.02 * deviation(c.values.data(), n - 4, 1, 1));
             group(".frame", n - 4, 4, BlockTransform::kLinear, "", 0.001, 1e-6);
         } else if (c.perAsset) group("", 0, n, BlockTransform::kLinear, "", 0.2, 0.02 * deviation(c.values.data(), n, 1, 1));
@@ -201,7 +206,7 @@ Block plainBlock(const QuantSource& source, const QuantGroup& group, double step
         block.offset.push_back(offset), block.step.push_back(float(used));
         std::vector<float> x(rows);
         for (size_t i = 0; i < rows; ++i) x[i] = float((double(numbers[k][i]) - offset) / used);
-        const bool free = group.name != "position" && rows == source.importance.size(); // differences of positions are coded, not they
+        const bool free = group.name != "position" && !group.exact && rows == source.importance.size(); // differences of positions are coded, not they
         chooseIntegers(x, free ? std::span<const float>(source.importance) : std::span<const float>(), 1 << 25, std::span(block.codes).subspan(k * rows, rows));
     }
     return block;
@@ -303,7 +308,7 @@ QuantisedAsset quantise(const QuantSource& source, const std::vector<double>& st
     const SplatAsset& asset = source.asset;
     out.frame.model = asset.model, out.frame.cloud.count = asset.cloud.count;
     out.frame.lowPassVariance = asset.lowPassVariance, out.frame.yUpFromAsset = asset.yUpFromAsset;
-    out.frame.frame = asset.frame, out.frame.bakedWith = asset.bakedWith, out.frame.drawnVisibility = asset.drawnVisibility;
+    out.frame.frame = asset.frame, out.frame.bakedWith = asset.bakedWith, out.frame.drawnVisibility = asset.drawnVisibility, out.frame.presets = asset.presets;
     for (const Channel& c : asset.channels) {
         if (c.name == "visibility" && asset.drawnVisibility > 0) continue;
         Channel channel;

@@ -21,6 +21,7 @@ struct QuantGroup {
     std::string basis;        // name of the block it shares a basis with others of this name; empty: none
     double activeNumbers = 1; // how many bits per splat a step half as large costs
     double firstStep = 0;     // about right, in the transformed numbers
+    bool exact = false;       // the first step is the only one
 };
 
 /// An asset made ready: along a space-filling curve, rotations among the equal ones nearest to none, splats that are never seen gone.

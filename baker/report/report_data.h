@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace nacre {
+namespace nacre::report {
 
 /// Frame time in milliseconds: the median over frames of one run, and the range that holds the medians of re-runs nine times in ten.
 struct TimedFrame {
@@ -97,4 +97,4 @@ struct ReportData {
     std::vector<std::string> notes;                       // what was skipped, and why
 };
 
-} // namespace nacre
+} // namespace nacre::report

@@ -10,7 +10,7 @@
 #include <limits>
 #include <span>
 
-namespace nacre {
+namespace nacre::report {
 
 namespace {
 
@@ -222,4 +222,4 @@ Status writeReportTables(const ReportData& d, const std::string& folder)
     return ok();
 }
 
-} // namespace nacre
+} // namespace nacre::report

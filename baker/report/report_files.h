@@ -8,7 +8,7 @@
 
 #include <string>
 
-namespace nacre {
+namespace nacre::report {
 
 /// Numbers that were not measured, or are not finite, are null.
 nlohmann::ordered_json reportJson(const ReportData& data);
@@ -17,4 +17,4 @@ nlohmann::ordered_json reportJson(const ReportData& data);
 /// (RFC 4180; what was not measured is empty). Makes the folder.
 Status writeReportTables(const ReportData& data, const std::string& folder);
 
-} // namespace nacre
+} // namespace nacre::report

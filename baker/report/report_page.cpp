@@ -4,15 +4,15 @@
 #include "base/base64.h"
 #include "base/file.h"
 #include "interchange/png.h"
-#include "report/report_text.h"
-#include "report/svg_plot.h"
+#include "eval/report_text.h"
+#include "eval/svg_plot.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <span>
 
-namespace nacre {
+namespace nacre::report {
 
 namespace {
 
@@ -530,4 +530,4 @@ Status writeReportPage(const ReportData& data, const std::string& path)
     return writeFileAtomically(path, std::as_bytes(std::span(page)));
 }
 
-} // namespace nacre
+} // namespace nacre::report

@@ -6,7 +6,7 @@
 
 #include <string>
 
-namespace nacre {
+namespace nacre::report {
 
 /// One HTML file with its plots and pictures inside: nothing is loaded from elsewhere, no script runs, it prints. What `data` lacks is said in a
 /// line each. Texts of `data` may hold anything. Written atomically.
@@ -15,4 +15,4 @@ Status writeReportPage(const ReportData& data, const std::string& path);
 /// The page's text.
 std::string reportPage(const ReportData& data);
 
-} // namespace nacre
+} // namespace nacre::report

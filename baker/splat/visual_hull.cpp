@@ -2,7 +2,7 @@
 
 #include "base/random.h"
 #include "render/projection.h"
-#include "splat/morton.h"
+#include "splats/morton.h"
 
 #include <tbb/parallel_for.h>
 

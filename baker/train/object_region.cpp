@@ -2,7 +2,7 @@
 
 #include "base/random.h"
 #include "dataset/normalise.h"
-#include "splat/morton.h"
+#include "splats/morton.h"
 
 #include <glm/gtc/quaternion.hpp>
 

@@ -1,6 +1,6 @@
 #include "train/trainer.h"
 
-#include "splat/morton.h"
+#include "splats/morton.h"
 
 #include <algorithm>
 #include <cmath>

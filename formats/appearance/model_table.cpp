@@ -1,6 +1,7 @@
 // The table of appearance models, and the border check every asset passes when it is read, written or handed to a renderer.
 #include "appearance/model_table.h"
 
+#include "appearance/detail.h"
 #include "base/finite.h"
 #include "base/limits.h"
 
@@ -148,6 +149,27 @@ Status validateChannels(const SplatAsset& asset, const AppearanceModel& model)
     return ok();
 }
 
+/// What reduceDetail can work with. Presets likewise.
+Status validateDetail(const SplatAsset& asset)
+{
+    const Channel *importance = asset.find("importance"), *growth = asset.find("growth");
+    if (!importance != !growth) return bad(std::string("channel '") + (importance ? "growth" : "importance") + "' is missing: 'importance' and 'growth' come together");
+    if (growth && !(growth->values[0] >= 0 && growth->values[0] <= 1)) return bad("channel 'growth' is not from 0 to 1");
+    if (asset.presets.size() > 64) return bad("the asset has " + std::to_string(asset.presets.size()) + " presets, at most 64 are read");
+    for (size_t i = 0; i < asset.presets.size(); ++i) {
+        const Preset& p = asset.presets[i];
+        const std::string where = "preset '" + p.name + "': ";
+        if (p.name.empty() || p.name.size() > 31) return bad("the name of a preset must have 1 to 31 bytes");
+        for (size_t k = 0; k < i; ++k)
+            if (asset.presets[k].name == p.name) return bad(where + "the name appears twice");
+        if (Status s = checkDetail(p.detail); !s) return bad(where + s.error().message);
+        if (!(p.resolutionScale > 0 && p.resolutionScale <= 1)) return bad(where + "the scale of the resolution must be above 0 and at most 1");
+        if (p.environmentDirections > 1024) return bad(where + "at most 1024 directions stand for an environment");
+        if (!std::isfinite(p.milliseconds) || !std::isfinite(p.psnrMasked)) return bad(where + "a number is not finite");
+    }
+    return ok();
+}
+
 Status validateNeutral(const SplatAsset& asset)
 {
     const NeutralLook& look = asset.neutral;
@@ -173,6 +195,9 @@ Status validateFrame(const AssetFrame& frame)
 }
 
 } // namespace
+
+ChannelSpec importanceChannel() { return {"importance", {0, 1}}; }
+ChannelSpec growthChannel() { return {"growth", {0, 1}, ChannelType::kFloat, true}; }
 
 std::span<const AppearanceModel> appearanceModels()
 {
@@ -201,6 +226,7 @@ Status validate(const SplatAsset& asset)
 #undef NACRE_MODEL
     if (asset.drawnVisibility != 0 && ((asset.drawnVisibility != 16 && asset.drawnVisibility != 32) || asset.find("visibility")))
         return bad("visibility is both stored and to be drawn, or of a size that is neither 16 nor 32");
+    if (Status s = validateDetail(asset); !s) return s;
     if (Status s = validateNeutral(asset); !s) return s;
     if (!(std::isfinite(asset.lowPassVariance) && asset.lowPassVariance >= 0))
         return bad("screen-space filter variance is not finite and >= 0");

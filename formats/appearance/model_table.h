@@ -21,6 +21,10 @@ struct ChannelSpec {
     bool mayLead = false;     // rows of the first splats only (Channel::leading)
 };
 
+/// Of every model: the order of importance of splats, and how those grow that stay (appearance/detail.h).
+ChannelSpec importanceChannel();
+ChannelSpec growthChannel();
+
 struct AppearanceModel {
     const char* name;         // as in --model and in the asset
     const char* summary;      // one line for --help and `nacre info --models`

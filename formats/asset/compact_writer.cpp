@@ -53,6 +53,23 @@ void appendBlock(const Block& block, std::vector<std::byte>& out)
 
 Json numbers(std::initializer_list<double> values) { return Json(std::vector<double>(values)); }
 
+Json presetJson(const Preset& p)
+{
+    Json json = {{"name", p.name}};
+    if (p.detail.splats != 1) json["splats"] = p.detail.splats;
+    for (const DetailPartName& part : kDetailParts)
+        if (p.detail.leaveOut & part.part) json["leaveOut"].push_back(part.name);
+    const auto whole = [&](const char* key, uint32_t value) {
+        if (value > 0) json[key] = value;
+    };
+    whole("transportFunctions", p.detail.transportFunctions), whole("visibilitySize", p.detail.visibilitySize), whole("environmentDirections", p.environmentDirections);
+    if (p.resolutionScale != 1) json["resolutionScale"] = p.resolutionScale;
+    if (p.milliseconds != 0) json["milliseconds"] = p.milliseconds;
+    if (p.psnrMasked != 0) json["psnrMasked"] = p.psnrMasked;
+    if (!p.measuredOn.empty()) json["measuredOn"] = p.measuredOn;
+    return json;
+}
+
 Json relightJson(const SplatAsset& asset, Json blocks)
 {
     Json channels = Json::array();
@@ -67,6 +84,7 @@ Json relightJson(const SplatAsset& asset, Json blocks)
     if (asset.drawnVisibility > 0) relight["drawnVisibility"] = asset.drawnVisibility;
     if (const AssetFrame& f = asset.frame; f != AssetFrame{})
         relight["datasetFrame"] = {{"scale", f.scale}, {"translation", numbers({f.translation.x, f.translation.y, f.translation.z})}, {"lightGain", f.lightGain}};
+    for (const Preset& p : asset.presets) relight["presets"].push_back(presetJson(p));
     relight["bakedWith"] = asset.bakedWith;
     return relight;
 }

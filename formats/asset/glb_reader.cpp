@@ -166,6 +166,40 @@ AssetFrame datasetFrame(const json& relight)
     return frame;
 }
 
+/// What the values must be like is checked with the rest of the asset.
+std::vector<Preset> readPresets(const json& relight)
+{
+    std::vector<Preset> presets;
+    const json* list = find(relight, "presets");
+    if (!list) return presets;
+    if (!list->is_array() || list->size() > 64) bad("presets is not an array of at most 64 entries");
+    for (const json& entry : *list) {
+        const std::string where = "presets[" + std::to_string(presets.size()) + "]";
+        if (!entry.is_object()) bad(where + " is not an object");
+        const auto number = [&](const char* key, double absent) {
+            const json* value = find(entry, key);
+            if (value && !value->is_number()) bad(where + "." + key + " is not a number");
+            return value ? value->get<double>() : absent;
+        };
+        const auto whole = [&](const char* key) { return uint32_t(std::min<size_t>(sizeOr(entry, key, 0, where), ~0u)); };
+        Preset preset;
+        preset.name = needName(entry, "name", where);
+        preset.detail.splats = float(number("splats", 1));
+        preset.detail.transportFunctions = whole("transportFunctions"), preset.detail.visibilitySize = whole("visibilitySize");
+        preset.resolutionScale = float(number("resolutionScale", 1)), preset.environmentDirections = whole("environmentDirections");
+        preset.milliseconds = number("milliseconds", 0), preset.psnrMasked = number("psnrMasked", 0);
+        if (find(entry, "measuredOn")) preset.measuredOn = needString(entry, "measuredOn", where);
+        if (const json* parts = find(entry, "leaveOut")) {
+            if (!parts->is_array()) bad(where + ".leaveOut is not an array");
+            for (const json& part : *parts)
+                for (const DetailPartName& known : kDetailParts) // parts of newer versions stay
+                    if (part == known.name) preset.detail.leaveOut |= known.part;
+        }
+        presets.push_back(std::move(preset));
+    }
+    return presets;
+}
+
 SplatCloud readCloud(const json& document, std::span<const std::byte> bin, const json& attributes, size_t count)
 {
     const auto rowsOf = [&](const char* name, const char* type, int components) {
@@ -393,6 +427,7 @@ SplatAsset readAssetOrThrow(std::span<const std::byte> bytes)
         toFloat(need(need(relight, "screenFilter", kRelightExtension), "variance", "screenFilter"), "screenFilter.variance");
     asset.yUpFromAsset = nodeRotation(document, splats.mesh);
     asset.frame = datasetFrame(relight);
+    asset.presets = readPresets(relight);
 
     asset.profile = needString(relight, "profile", kRelightExtension);
     const bool srgb = needString(*splats.splatting, "colorSpace", kSplatExtension) == kSrgbSpace;

@@ -209,6 +209,25 @@ private:
         if (asset_.drawnVisibility > 0) relight["drawnVisibility"] = Value(asset_.drawnVisibility);
     }
 
+    static Value presetValue(const Preset& p)
+    {
+        Value::Object object{{"name", Value(p.name)}};
+        if (p.detail.splats != 1) object["splats"] = Value(shortest(p.detail.splats));
+        Value::Array parts;
+        for (const DetailPartName& part : kDetailParts)
+            if (p.detail.leaveOut & part.part) parts.emplace_back(std::string(part.name));
+        if (!parts.empty()) object["leaveOut"] = Value(std::move(parts));
+        const auto whole = [&](const char* key, uint32_t value) {
+            if (value > 0) object[key] = Value(int(value));
+        };
+        whole("transportFunctions", p.detail.transportFunctions), whole("visibilitySize", p.detail.visibilitySize), whole("environmentDirections", p.environmentDirections);
+        if (p.resolutionScale != 1) object["resolutionScale"] = Value(shortest(p.resolutionScale));
+        if (p.milliseconds != 0) object["milliseconds"] = Value(p.milliseconds);
+        if (p.psnrMasked != 0) object["psnrMasked"] = Value(p.psnrMasked);
+        if (!p.measuredOn.empty()) object["measuredOn"] = Value(p.measuredOn);
+        return Value(std::move(object));
+    }
+
     void writeRelightData()
     {
         int version = kPlainVersion; // readers of older versions can read what does not need a newer one
@@ -232,6 +251,9 @@ private:
             if (placed) version = kFrameVersion;
         }
         relight["version"] = Value(version);
+        Value::Array presets;
+        for (const Preset& p : asset_.presets) presets.push_back(presetValue(p));
+        if (!presets.empty()) relight["presets"] = Value(std::move(presets));
         if (placed)
             relight["datasetFrame"] = Value(Value::Object{
                 {"scale", Value(frame.scale)},

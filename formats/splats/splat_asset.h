@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/asset_frame.h"
+#include "splats/detail.h"
 
 #include <glm/glm.hpp>
 #include <glm/gtc/quaternion.hpp>
@@ -64,6 +65,7 @@ struct SplatAsset {
     glm::quat yUpFromAsset{1, 0, 0, 0}; // the glTF node's rotation: dataset axes -> glTF +Y up
     AssetFrame frame;                 // where the asset lies in the dataset it was baked from
     NeutralLook neutral;
+    std::vector<Preset> presets;      // at most 64
     std::string bakedWith;            // one line of provenance: version, dataset name, iterations, seed
 
     const Channel* find(const char* name) const

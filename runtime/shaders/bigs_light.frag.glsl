@@ -2,7 +2,7 @@
 // Out: falloff_t * v_t * max(T_dir(w_t), 0) of the four lights, sum_t I_t * falloff_t * max(T_ind(w_t), 0) over them, and, for the lobe
 // of the combine pass, v_t of the four.
 uniform sampler2D uGeometry;  // slot 0: mean, opacity; slot 3: rho, shadow
-uniform sampler2D uTransport; // slot i: T_ind rgb, T_dir of function i, as numbers or (TRANSPORT_BYTES) bytes, then slot 25: their size
+uniform sampler2D uTransport; // slot i: T_ind rgb, T_dir of function i, as numbers or (TRANSPORT_BYTES) bytes, then one slot more: their size
 #if TRANSPORT_BYTES
 uniform sampler2D uTransportScale; // texel i: unit of function i
 #endif
@@ -28,11 +28,11 @@ void main()
     ivec2 splat = passSplat();
     int first = uFirstLight + 4 * passSlot();
     vec3 mean = texelFetch(uGeometry, splat, 0).xyz;
-    vec4 transport[25];
-    for (int i = 0; i < 25; ++i) transport[i] = texelFetch(uTransport, slotTexel(splat, i), 0);
+    vec4 transport[TRANSPORT_FUNCTIONS];
+    for (int i = 0; i < TRANSPORT_FUNCTIONS; ++i) transport[i] = texelFetch(uTransport, slotTexel(splat, i), 0);
 #if TRANSPORT_BYTES
-    vec4 size = exp2(texelFetch(uTransport, slotTexel(splat, 25), 0) * (-255.0 / 8.0)) / 127.0;
-    for (int i = 0; i < 25; ++i) transport[i] = (transport[i] * 255.0 - 128.0) * size * texelFetch(uTransportScale, ivec2(i, 0), 0);
+    vec4 size = exp2(texelFetch(uTransport, slotTexel(splat, TRANSPORT_FUNCTIONS), 0) * (-255.0 / 8.0)) / 127.0;
+    for (int i = 0; i < TRANSPORT_FUNCTIONS; ++i) transport[i] = (transport[i] * 255.0 - 128.0) * size * texelFetch(uTransportScale, ivec2(i, 0), 0);
 #endif
 
     vec4 direct = vec4(0.0), visible = vec4(0.0), occlusion = vec4(1.0);
@@ -48,9 +48,9 @@ void main()
         LightSample s = fetchLight(uLights, first + k, mean, uWorldScale2);
         vec3 intensity = texelFetch(uLights, ivec2(first + k, 1), 0).rgb;
         float y[25];
-        shBasis(25, s.direction, y);
+        shBasis(TRANSPORT_FUNCTIONS, s.direction, y);
         vec4 t = vec4(0.0);
-        for (int i = 0; i < 25; ++i) t += transport[i] * y[i];
+        for (int i = 0; i < TRANSPORT_FUNCTIONS; ++i) t += transport[i] * y[i];
         t = max(t, 0.0) * s.falloff * occlusion[k];
         vec4 lane = vec4(equal(ivec4(k), ivec4(0, 1, 2, 3)));
         float v = 1.0;

@@ -205,7 +205,21 @@ NacreResult withDraw(NacreView view, const char* function, const NacreDrawDesc* 
     });
 }
 
-NacreResult addAsset(NacreContext context, const char* function, const void* bytes, size_t byteCount, NacreAsset* asset, bool upload)
+/// Zeros are defaults, and the preset comes instead of all else.
+Failure readDetail(const NacreDetail* given, nacre::DetailChoice* choice)
+{
+    if (!given) return {};
+    NacreDetail d;
+    if (Failure f = read("NacreDetail", given, &d)) return f;
+    nacre::Detail& detail = choice->detail;
+    detail.splats = d.splats == 0 ? 1 : d.splats;
+    detail.leaveOut = d.leaveOut, detail.transportFunctions = d.transportFunctions, detail.visibilitySize = d.visibilitySize;
+    if (d.preset && !(detail == nacre::Detail{})) return invalid("NacreDetail: a preset and fields of one's own; leave one of them zero");
+    if (d.preset) choice->preset = d.preset;
+    return {};
+}
+
+NacreResult addAsset(NacreContext context, const char* function, const void* bytes, size_t byteCount, const NacreDetail* detail, NacreAsset* asset, bool upload)
 {
     if (asset) asset->id = 0;
     const auto c = find(context);
@@ -214,8 +228,10 @@ NacreResult addAsset(NacreContext context, const char* function, const void* byt
         if (!bytes || !asset) return invalid(std::string(function) + ": bytes and asset must not be null");
         if (upload)
             if (Failure f = nacre::checkGlContext(*c)) return f;
+        nacre::DetailChoice choice;
+        if (Failure f = readDetail(detail, &choice)) return f;
         std::shared_ptr<nacre::Asset> made;
-        if (Failure f = nacre::decode(*c, {static_cast<const std::byte*>(bytes), byteCount}, &made)) return f;
+        if (Failure f = nacre::decode(*c, {static_cast<const std::byte*>(bytes), byteCount}, choice, &made)) return f;
         if (upload)
             if (Failure f = nacre::uploadStep(*made, ~uint64_t(0))) return f;
         asset->id = c->assets.add(c->handle.context, std::move(made));
@@ -288,12 +304,22 @@ NacreResult nacreContextGetInfo(NacreContext context, NacreContextInfo* info)
 
 NacreResult nacreAssetCreate(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset)
 {
-    return addAsset(context, "nacreAssetCreate", bytes, byteCount, asset, true);
+    return addAsset(context, "nacreAssetCreate", bytes, byteCount, nullptr, asset, true);
+}
+
+NacreResult nacreAssetCreateDetail(NacreContext context, const void* bytes, size_t byteCount, const NacreDetail* detail, NacreAsset* asset)
+{
+    return addAsset(context, "nacreAssetCreateDetail", bytes, byteCount, detail, asset, true);
 }
 
 NacreResult nacreAssetDecode(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset)
 {
-    return addAsset(context, "nacreAssetDecode", bytes, byteCount, asset, false);
+    return addAsset(context, "nacreAssetDecode", bytes, byteCount, nullptr, asset, false);
+}
+
+NacreResult nacreAssetDecodeDetail(NacreContext context, const void* bytes, size_t byteCount, const NacreDetail* detail, NacreAsset* asset)
+{
+    return addAsset(context, "nacreAssetDecodeDetail", bytes, byteCount, detail, asset, false);
 }
 
 NacreResult nacreAssetUploadStep(NacreAsset asset, uint64_t budgetBytes, uint64_t* bytesLeft)
@@ -333,6 +359,9 @@ NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info)
         for (int c = 0; c < 3; ++c) all.datasetTranslation[c] = a->frame.translation[c];
         all.datasetLightGain = a->frame.lightGain;
         std::snprintf(all.model, sizeof all.model, "%s", a->modelName.c_str());
+        all.bakedSplatCount = a->bakedSplats;
+        all.resolutionScale = a->preset.resolutionScale, all.environmentDirections = a->preset.environmentDirections;
+        std::snprintf(all.preset, sizeof all.preset, "%s", a->preset.name.c_str());
         write(all, info);
         return {};
     });

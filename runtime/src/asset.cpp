@@ -2,9 +2,11 @@
 #include "asset.h"
 
 #include "appearance/coded_channels.h"
+#include "appearance/detail.h"
 #include "appearance/splat_visibility.h"
 #include "appearance/visibility_map.h"
 #include "asset/asset_decode.h"
+#include "base/text.h"
 #include "gl_state.h"
 
 #include <algorithm>
@@ -45,13 +47,30 @@ static Failure chooseLayout(Asset& asset)
     return {};
 }
 
-Failure decode(Context& context, std::span<const std::byte> bytes, std::shared_ptr<Asset>* out)
+/// Those of the file by name; else none, with the detail that was asked for.
+static Failure choosePreset(const SplatAsset& source, const DetailChoice& choice, Preset* preset)
+{
+    *preset = {};
+    preset->detail = choice.detail;
+    if (choice.preset.empty()) return {};
+    std::string names;
+    for (const Preset& p : source.presets) {
+        if (p.name == choice.preset) return *preset = p, Failure{};
+        names += (names.empty() ? "" : ", ") + p.name;
+    }
+    return invalid("the asset has no preset " + inQuotes(choice.preset) + "; " + (names.empty() ? "it has none" : "there are: " + names));
+}
+
+Failure decode(Context& context, std::span<const std::byte> bytes, const DetailChoice& choice, std::shared_ptr<Asset>* out)
 {
     Result<SplatAsset> decoded = decodeAsset(bytes);
     if (!decoded) return {decodeResult(decoded.error().code), decoded.error().message};
     auto asset = std::make_shared<Asset>(context);
     for (const CodedChannels& c : decoded->coded) asset->coded |= c.channels == std::vector<std::string>{"tDir", "tInd"};
+    asset->bakedSplats = uint32_t(std::min<size_t>(decoded->cloud.count, ~0u));
+    if (Failure f = choosePreset(*decoded, choice, &asset->preset)) return f;
     expandChannels(*decoded);
+    if (const Status s = reduceDetail(*decoded, asset->preset.detail); !s) return invalid(s.error().message);
     drawVisibility(*decoded); // here, since decoding may run on any thread: no upload and no frame waits for it
     asset->source = std::make_unique<SplatAsset>(std::move(*decoded));
     const SplatAsset& source = *asset->source;

@@ -25,6 +25,8 @@ struct Asset {
     SplatGrid grid;
     float lowPassVariance = 0;
     int visibilitySize = 0; // texels per side of the visibility maps; 0: none
+    uint32_t bakedSplats = 0; // of the file
+    Preset preset;          // in use, or one without a name
     bool coded = false;     // the file holds transport as rounded codes: on the GPU bytes are exact enough for it
     glm::vec3 boundsMin{0}, boundsMax{0};
     glm::quat yUpFromAsset{1, 0, 0, 0};
@@ -46,8 +48,13 @@ struct Asset {
     bool complete() const { return !source; }
 };
 
+/// What is to be drawn of an asset: a preset of the file by its name, or `detail`.
+struct DetailChoice {
+    std::string preset;
+    Detail detail;
+};
 /// Checks and decodes; no GL.
-Failure decode(Context& context, std::span<const std::byte> bytes, std::shared_ptr<Asset>* asset);
+Failure decode(Context& context, std::span<const std::byte> bytes, const DetailChoice& choice, std::shared_ptr<Asset>* asset);
 /// Uploads about so many bytes, at least one piece. After a failure the asset stays incomplete.
 Failure uploadStep(Asset& asset, uint64_t budget);
 

@@ -7,8 +7,9 @@
 //
 // Textures beyond those of every model:
 //   asset      geometry    slots: rho+shadow; with a lobe also normal+sharpness, k; with forward also f+sharpness
-//              transport   RGBA16F  25 slots: T_ind rgb, T_dir; of assets that hold codes RGBA8, 26 slots (see PackedTransport)
-//              scale       RGBA32F  only with RGBA8: unit of each function's T_ind rgb, T_dir, one row of 25
+//              transport   RGBA16F  a slot for each function that any splat uses, up to 25: T_ind rgb, T_dir; of assets that hold codes RGBA8, one
+//                                   slot more (see PackedTransport)
+//              scale       RGBA32F  only with RGBA8: unit of each function's T_ind rgb, T_dir, one row
 //              scatter     RGBA16F  array, texel g * pairs + pair(i, j): c_ij rgb (all of a splat together: the view pass reads it 25 times)
 //              visibility  R8       array, texel (g * n + j) * n + i of the octahedral maps of n x n
 //   instance   direct, indirect     RGBA32F  light pass: one slot per four lights
@@ -39,7 +40,7 @@ enum BigsSlot { kRhoShadow = kCommonSlots, kNormalSharpness, kLobeColor }; // fo
 /// 2^(-b / 8) for the byte b in the last slot. All this for each of T_ind rgb, T_dir. Of the channels, which must outlive this.
 class PackedTransport {
 public:
-    PackedTransport(const Channel& tDir, const Channel& tInd) : tDir_(tDir), tInd_(tInd), sizes_(tDir.values.size() / kBigsTransportFunctions)
+    PackedTransport(const Channel& tDir, const Channel& tInd, int functions) : tDir_(tDir), tInd_(tInd), functions_(functions), sizes_(tDir.values.size() / kBigsTransportFunctions)
     {
         std::array<glm::dvec4, kBigsTransportFunctions> squares{};
         for (size_t g = 0; g < sizes_.size(); ++g)
@@ -63,7 +64,7 @@ public:
     {
         for (int c = 0; c < 4; ++c) {
             const uint8_t b = sizes_[g][size_t(c)];
-            if (slot == kBigsTransportFunctions) out[c] = b;
+            if (slot == functions_) out[c] = b;
             else out[c] = uint8_t(128 + std::lround(127 * std::clamp(ratio(g, slot, c) * std::exp2(float(b) / 8), -1.0f, 1.0f)));
         }
     }
@@ -88,6 +89,7 @@ private:
     }
 
     const Channel &tDir_, &tInd_;
+    int functions_;
     std::vector<std::array<uint8_t, 4>> sizes_; // by splat
     std::array<glm::vec4, kBigsTransportFunctions> units_;
 };
@@ -96,7 +98,7 @@ class BigsAsset final : public AssetModel {
 public:
     explicit BigsAsset(Asset& asset) : asset_(asset) {}
     Failure checkLayout(const SplatAsset& source) override;
-    int mostSlots() const override { return kBigsTransportFunctions + int(asset_.coded); }
+    int mostSlots() const override { return functions + int(asset_.coded); }
     int geometrySlots() const override { return forwardSlot() + int(hasForward) - int(kCommonSlots); }
     Failure upload(const SplatAsset& source, UploadQueue& queue) override;
     bool shadesPixels() const override { return false; }
@@ -111,6 +113,7 @@ public:
     Failure viewProgram(const Program** program) const;
     Failure combineProgram(bool occluded, const Program** program) const;
 
+    int functions = kBigsTransportFunctions; // of T_dir and T_ind that are not zero of all splats
     int sFunctions = 0;
     size_t scattering = 0;     // so many splats, the first, have s
     bool hasLobe = false, hasForward = false, hasVisibility = false;
@@ -208,8 +211,23 @@ float brightestOf(const SplatAsset& source)
     return direct * (1 + most("s") * kFunctions * kLargestY) + indirect + most("lobe") + most("forward");
 }
 
+/// 1, 4, 9, 16 or 25: the others are zero.
+int transportFunctionsOf(const SplatAsset& source)
+{
+    size_t used = 1;
+    for (const auto& [name, each] : {std::pair("tDir", size_t(1)), std::pair("tInd", size_t(3))}) {
+        const Channel& c = *source.find(name);
+        for (size_t k = 0; k < c.values.size(); ++k)
+            if (c.values[k] != 0) used = std::max(used, k % c.components / each + 1);
+    }
+    int degrees = 1;
+    while (size_t(degrees * degrees) < used) ++degrees;
+    return degrees * degrees;
+}
+
 Failure BigsAsset::checkLayout(const SplatAsset& source)
 {
+    functions = transportFunctionsOf(source);
     const Channel* s = source.find("s");
     sFunctions = s ? bigsScatterFunctions(s->components) : 0;
     scattering = s ? s->rows(asset_.grid.count) : 0;
@@ -220,7 +238,7 @@ Failure BigsAsset::checkLayout(const SplatAsset& source)
     for (const char* name : {"tDir", "tInd", "s"})
         if (const Channel* channel = source.find(name))
             if (Failure f = checkHalfRange(*channel)) return f;
-    if (asset_.coded) packed_ = std::make_shared<PackedTransport>(*source.find("tDir"), *source.find("tInd"));
+    if (asset_.coded) packed_ = std::make_shared<PackedTransport>(*source.find("tDir"), *source.find("tInd"), functions);
     const Gl& gl = asset_.context.gl;
     if (Failure f = fitLongRow(gl, asset_.grid, "s", scattering, bigsPairCount(sFunctions))) return f;
     return fitLongRow(gl, asset_.grid, "visibility", asset_.grid.count, asset_.visibilitySize * asset_.visibilitySize);
@@ -250,8 +268,8 @@ void BigsAsset::queuePackedTransport(UploadQueue& queue)
 {
     Context& context = asset_.context;
     const std::shared_ptr<const PackedTransport> packed = std::move(packed_);
-    transportScale = Texture(context, GL_RGBA32F, kBigsTransportFunctions, 1);
-    context.gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, kBigsTransportFunctions, 1, GL_RGBA, GL_FLOAT, packed->units().data());
+    transportScale = Texture(context, GL_RGBA32F, functions, 1);
+    context.gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, functions, 1, GL_RGBA, GL_FLOAT, packed->units().data());
     for (int i = 0; i < mostSlots(); ++i)
         queueSlot<uint8_t>(queue, context.gl, asset_.grid, transport, i, [packed, i](size_t g, uint8_t* t) { packed->texel(g, i, t); });
 }
@@ -263,7 +281,7 @@ Failure BigsAsset::upload(const SplatAsset& source, UploadQueue& queue)
     const Channel &tDir = *source.find("tDir"), &tInd = *source.find("tInd");
     transport = slotTexture(context, asset_.grid, asset_.coded ? GL_RGBA8 : GL_RGBA16F, mostSlots());
     if (asset_.coded) queuePackedTransport(queue);
-    for (int i = 0; i < kBigsTransportFunctions && !asset_.coded; ++i)
+    for (int i = 0; i < functions && !asset_.coded; ++i)
         queueSlot<uint16_t>(queue, context.gl, asset_.grid, transport, i, [&tDir, &tInd, i](size_t g, uint16_t* t) {
             const size_t k = g * kBigsTransportFunctions + size_t(i);
             for (size_t c = 0; c < 3; ++c) t[c] = halfFromFloat(tInd.values[3 * k + c]);
@@ -280,7 +298,7 @@ Failure BigsAsset::upload(const SplatAsset& source, UploadQueue& queue)
 std::string BigsAsset::defines(bool occluded) const
 {
     return define("VISIBILITY_SIZE", asset_.visibilitySize) + define("S_FUNCTIONS", sFunctions) + define("HAS_LOBE", int(hasLobe)) +
-           define("HAS_FORWARD", int(hasForward)) + define("TRANSPORT_BYTES", int(asset_.coded)) + define("FORWARD_SLOT", forwardSlot()) +
+           define("TRANSPORT_FUNCTIONS", functions) + define("HAS_FORWARD", int(hasForward)) + define("TRANSPORT_BYTES", int(asset_.coded)) + define("FORWARD_SLOT", forwardSlot()) +
            define("HAS_VISIBILITY", int(hasVisibility)) + define("HAS_OCCLUSION", int(occluded)) + define("HAS_VISIBLE", int(hidesLights(occluded))) +
            define("LOBE_FACING", kBigsLobeFacing) + shaders::kPassGlsl + shaders::kLightGlsl + shaders::kFetchLightGlsl + shaders::kVisibilityMapGlsl +
            shaders::kBigsGlsl;

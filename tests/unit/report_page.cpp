@@ -3,8 +3,8 @@
 #include "interchange/png.h"
 #include "report/report_files.h"
 #include "report/report_page.h"
-#include "report/report_text.h"
-#include "report/svg_plot.h"
+#include "eval/report_text.h"
+#include "eval/svg_plot.h"
 
 #include <doctest/doctest.h>
 #include <nlohmann/json.hpp>
@@ -19,6 +19,7 @@
 #include <stdlib.h> // mkdtemp
 
 using namespace nacre;
+using namespace nacre::report;
 
 namespace {
 

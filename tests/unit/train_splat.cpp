@@ -2,7 +2,7 @@
 #include "appearance/model_table.h"
 #include "appearance/sss/sss_network.h"
 #include "base/random.h"
-#include "splat/morton.h"
+#include "splats/morton.h"
 #include "splat/visual_hull.h"
 #include "train/checkpoint.h"
 #include "train/cluster_choice.h"

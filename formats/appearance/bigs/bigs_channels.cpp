@@ -15,7 +15,9 @@ std::vector<ChannelSpec> bigs::channels()
             {"lobe", {0, kBigsLobeFloats}},
             {"forward", {0, kBigsForwardFloats}},
             {"visibility", {0, 256, 1024}, ChannelType::kUnorm8},
-            {"shadow", {0, 1}}};
+            {"shadow", {0, 1}},
+            importanceChannel(),
+            growthChannel()};
 }
 
 Status bigs::check(const SplatAsset&) { return ok(); }

@@ -49,7 +49,9 @@ std::vector<ChannelSpec> sss::channels()
             {"visibility", {0, 256, 1024}, ChannelType::kUnorm8}, // 0: the channel may be absent
             {"network", {0, kSssNetworkFloats}, ChannelType::kFloat, true},
             {"code", {0, kSssCodeInputs}},
-            {"codeWeights", {0, kSssHidden1 * kSssCodeInputs}, ChannelType::kFloat, true}};
+            {"codeWeights", {0, kSssHidden1 * kSssCodeInputs}, ChannelType::kFloat, true},
+            importanceChannel(),
+            growthChannel()};
 }
 
 // Three layers of weights of 1e15 end in infinities of both signs, and their sum is not a number, which every pixel would show.

@@ -118,6 +118,31 @@ NACRE_API NacreResult nacreAssetCreate(NacreContext context, const void* bytes, 
 NACRE_API NacreResult nacreAssetDecode(NacreContext context, const void* bytes, size_t byteCount, NacreAsset* asset);
 NACRE_API NacreResult nacreAssetUploadStep(NacreAsset asset, uint64_t budgetBytes, uint64_t* bytesLeft);
 
+/// Parts that an asset can do without; what it does not have anyway may be named.
+enum NacreDetailParts {
+    NACRE_WITHOUT_VISIBILITY = 1, // maps of what hides lights from a splat: every light arrives
+    NACRE_WITHOUT_LOBE = 2,       // bigs: mirror-like highlights
+    NACRE_WITHOUT_FORWARD = 4,    // bigs: light that shines through
+    NACRE_WITHOUT_SCATTER = 8,    // bigs: the part of direct light that depends on light and camera
+    NACRE_WITHOUT_INDIRECT = 16,  // bigs: light that has been reflected or has travelled inside
+    NACRE_WITHOUT_NETWORK = 32    // sss: light beneath the surface
+};
+
+/// How much of an asset to load, which costs image quality (nacre report measures how much of which asset) and saves time and memory. For levels of
+/// detail load an asset several times, and draw, of instances at one place, the one that fits the distance.
+typedef struct NacreDetail {
+    size_t structSize;            // sizeof(NacreDetail)
+    float splats;                 // share of them, above 0 to 1; 0: all. The most important, which grow to fill the gaps. Files without an order of importance: NACRE_ERROR_INVALID_ARGUMENT; nacre pack makes one
+    uint32_t leaveOut;            // NacreDetailParts
+    uint32_t transportFunctions;  // bigs: most SH functions of light transport: 1, 4, 9 or 16; 0: all 25
+    uint32_t visibilitySize;      // most texels per side of visibility maps: 16; 0: as they are
+    const char* preset;           // a preset of the file by its name (nacre info lists them), instead of the fields above; may be null
+} NacreDetail;
+
+/// nacreAssetCreate and nacreAssetDecode of less than everything. `detail` may be null.
+NACRE_API NacreResult nacreAssetCreateDetail(NacreContext context, const void* bytes, size_t byteCount, const NacreDetail* detail, NacreAsset* asset);
+NACRE_API NacreResult nacreAssetDecodeDetail(NacreContext context, const void* bytes, size_t byteCount, const NacreDetail* detail, NacreAsset* asset);
+
 /// Its instances stay until they are destroyed; the data goes with the last of them.
 NACRE_API void nacreAssetDestroy(NacreAsset asset);
 
@@ -132,6 +157,10 @@ typedef struct NacreAssetInfo {
     // The dataset it was baked from, for hosts that work in its units: p_dataset = datasetScale * p_asset + datasetTranslation (as
     // worldFromAsset it puts the asset there), and intensities of the dataset's lights are to be multiplied by datasetLightGain.
     double datasetScale, datasetTranslation[3], datasetLightGain;
+    uint32_t bakedSplatCount;   // of the file; splatCount are those that were loaded
+    char preset[32];            // in use, or empty; what it advises the host to do:
+    float resolutionScale;      // draw splats into a target of so much of the width and height, and enlarge it; 1 without a preset
+    uint32_t environmentDirections; // for NacreEnvironment.directions; 0: any
 } NacreAssetInfo;
 NACRE_API NacreResult nacreAssetGetInfo(NacreAsset asset, NacreAssetInfo* info);
 

@@ -124,14 +124,14 @@ public:
     {
         return detail::created<Context, NacreContext>([&](NacreContext* c) { return nacreContextCreate(&desc, c); });
     }
-    Result<Asset> loadAsset(const void* bytes, size_t size)
+    Result<Asset> loadAsset(const void* bytes, size_t size, const NacreDetail* reduced = nullptr)
     {
-        return detail::created<Asset, NacreAsset>([&](NacreAsset* a) { return nacreAssetCreate(id(), bytes, size, a); });
+        return detail::created<Asset, NacreAsset>([&](NacreAsset* a) { return nacreAssetCreateDetail(id(), bytes, size, reduced, a); });
     }
     /// On any thread; then Asset::uploadStep.
-    Result<Asset> decodeAsset(const void* bytes, size_t size) const
+    Result<Asset> decodeAsset(const void* bytes, size_t size, const NacreDetail* reduced = nullptr) const
     {
-        return detail::created<Asset, NacreAsset>([&](NacreAsset* a) { return nacreAssetDecode(id(), bytes, size, a); });
+        return detail::created<Asset, NacreAsset>([&](NacreAsset* a) { return nacreAssetDecodeDetail(id(), bytes, size, reduced, a); });
     }
     Result<View> view(uint32_t mask = 0)
     {

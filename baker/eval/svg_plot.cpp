@@ -1,7 +1,7 @@
 // From top to bottom: legend, plot area, numbers of the x axis, its label, what was left out. The sizes of texts are estimated: fonts are not known.
-#include "report/svg_plot.h"
+#include "eval/svg_plot.h"
 
-#include "report/report_text.h"
+#include "eval/report_text.h"
 
 #include <algorithm>
 #include <charconv>

@@ -1,4 +1,4 @@
-#include "report/report_text.h"
+#include "eval/report_text.h"
 
 #include "base/text.h"
 

@@ -1,4 +1,4 @@
-#include "splat/morton.h"
+#include "splats/morton.h"
 
 #include <algorithm>
 #include <cfloat>

@@ -1,0 +1,55 @@
+#include "pack/importance.h"
+
+#include "appearance/detail.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nacre {
+
+static void replaceChannel(SplatAsset& asset, Channel channel)
+{
+    std::erase_if(asset.channels, [&](const Channel& c) { return c.name == channel.name; });
+    asset.channels.push_back(std::move(channel));
+}
+
+Status addImportance(SplatAsset& asset, std::span<const PackView> views)
+{
+    constexpr float kLeast = 1e-7f; // of what is never seen: 2^-23
+    Channel importance{"importance", 1};
+    for (const float x : splatImportance(asset, views)) importance.values.push_back(std::log2(std::max(x, kLeast)));
+    replaceChannel(asset, std::move(importance));
+
+    constexpr size_t kViews = 6;
+    std::vector<PackView> few;
+    for (size_t i = 0; i < std::min(kViews, views.size()); ++i) few.push_back(views[i * views.size() / std::min(kViews, views.size())]);
+    const Result<PackReference> reference = PackReference::render(asset, few);
+    if (!reference) return reference.error();
+    float best = 0;
+    double least = INFINITY;
+    for (const float power : {0.21f, 0.25f, 0.29f, 0.33f, 0.37f}) { // 0.5 would keep the area
+        SplatAsset quarter = asset;
+        replaceChannel(quarter, {"growth", 1, {power}, {}, true});
+        if (Status s = reduceDetail(quarter, {0.25f}); !s) return s;
+        const Result<double> error = reference->error(quarter);
+        if (!error) return error.error();
+        if (*error < least) least = *error, best = power;
+    }
+    replaceChannel(asset, {"growth", 1, {best}, {}, true});
+    return ok();
+}
+
+Status ensureImportance(SplatAsset& asset, const OlatSplit* seen)
+{
+    if (asset.find("importance")) return ok();
+    constexpr size_t kViews = 48;
+    std::vector<PackView> views = seen ? viewsOf(*seen, asset.frame, kViews) : std::vector<PackView>();
+    if (views.empty()) {
+        Result<std::vector<PackView>> around = viewsAround(asset, kViews);
+        if (!around) return around.error();
+        views = std::move(*around);
+    }
+    return addImportance(asset, views);
+}
+
+} // namespace nacre
