@@ -18,13 +18,13 @@ Status addImportance(SplatAsset& asset, std::span<const PackView> views)
     constexpr float kLeast = 1e-7f; // of what is never seen: 2^-23
     Channel importance{"importance", 1};
     for (const float x : splatImportance(asset, views)) importance.values.push_back(std::log2(std::max(x, kLeast)));
-    replaceChannel(asset, std::move(importance));
-
     constexpr size_t kViews = 6;
     std::vector<PackView> few;
     for (size_t i = 0; i < std::min(kViews, views.size()); ++i) few.push_back(views[i * views.size() / std::min(kViews, views.size())]);
     const Result<PackReference> reference = PackReference::render(asset, few);
     if (!reference) return reference.error();
+    replaceChannel(asset, std::move(importance));
+    replaceChannel(asset, {"growth", 1, {0.29f}, {}, true});
     float best = 0;
     double least = INFINITY;
     for (const float power : {0.21f, 0.25f, 0.29f, 0.33f, 0.37f}) { // 0.5 would keep the area
