@@ -36,6 +36,7 @@ Action addRender(CLI::App& app);
 Action addInfo(CLI::App& app);
 Action addPack(CLI::App& app);
 Action addPrepare(CLI::App& app);
+Action addReport(CLI::App& app);
 Action addSelftest(CLI::App& app);
 Action addSynth(CLI::App& app);
 

@@ -47,13 +47,12 @@ public:
         return check(nacreInstanceCreate(&instance, &instance_));
     }
 
-    Result<AssetFrame> frame() const
+    Result<NacreAssetInfo> info() const
     {
         NacreAssetInfo info{};
         info.structSize = sizeof info;
         if (Status s = check(nacreAssetGetInfo(asset_, &info)); !s) return s.error();
-        const double* t = info.datasetTranslation;
-        return AssetFrame{info.datasetScale, {t[0], t[1], t[2]}, info.datasetLightGain};
+        return info;
     }
 
     Result<Image> render(const Camera& camera, std::span<const Light> lights) override
@@ -159,9 +158,19 @@ Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte>
 {
     auto renderer = std::make_unique<GlRenderer>();
     if (Status s = renderer->open(assetBytes, detail); !s) return s.error();
-    const Result<AssetFrame> frame = renderer->frame();
-    if (!frame) return frame.error();
-    return inDatasetFrame(*frame, std::move(renderer));
+    const Result<NacreAssetInfo> info = renderer->info();
+    if (!info) return info.error();
+    const double* t = info->datasetTranslation;
+    return inDatasetFrame({info->datasetScale, {t[0], t[1], t[2]}, info->datasetLightGain}, std::move(renderer));
+}
+
+Result<uint64_t> gpuBytesOf(std::span<const std::byte> assetBytes)
+{
+    GlRenderer renderer;
+    if (Status s = renderer.open(assetBytes, {}); !s) return s.error();
+    const Result<NacreAssetInfo> info = renderer.info();
+    if (!info) return info.error();
+    return info->gpuBytes;
 }
 
 } // namespace nacre

@@ -35,6 +35,9 @@ public:
 /// Through the public runtime API on a headless EGL context. `assetBytes` is the .glb, of which `detail` is loaded. Error kGpu if there is no context.
 Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes, const Detail& detail = {});
 
+/// Textures and buffers of an asset on the GPU.
+Result<uint64_t> gpuBytesOf(std::span<const std::byte> assetBytes);
+
 /// Scalar math of formats/appearance and baker/render on the CPU.
 Result<std::unique_ptr<SplatRenderer>> makeReferenceRenderer(const SplatAsset& asset);
 
