@@ -1,6 +1,7 @@
 // nacre info: what a dataset or an asset holds.
 #include "cli.h"
 
+#include "appearance/detail.h"
 #include "appearance/model_table.h"
 #include "asset/asset_io.h"
 #include "dataset/normalise.h"
@@ -114,6 +115,32 @@ static Status datasetInfo(const InfoArguments& args)
     return writeJson({{"convention", dataset->convention}, {"color_space", colorSpace}, {"splits", splits}, {"warnings", warnings}, {"checks", figuresJson(*found)}}, args.json);
 }
 
+static std::string presetText(const Preset& p)
+{
+    std::string text = detailText(p.detail);
+    if (p.resolutionScale < 1) text += format(", at %.3g of the width and height", double(p.resolutionScale));
+    if (p.environmentDirections > 0) text += format(", environments as %u lights", p.environmentDirections);
+    std::string measured;
+    if (p.milliseconds != 0) measured = format("%.3g ms", p.milliseconds);
+    if (p.psnrMasked != 0) measured += format("%s%.2f dB", measured.empty() ? "" : ", ", p.psnrMasked);
+    if (!measured.empty()) text += "; measured: " + measured + (p.measuredOn.empty() ? "" : ", on " + oneLine(p.measuredOn, 200));
+    return text;
+}
+
+static Json presetsJson(const std::vector<Preset>& presets)
+{
+    Json out = Json::array();
+    for (const Preset& p : presets) {
+        Json parts = Json::array();
+        for (const DetailPartName& part : kDetailParts)
+            if (p.detail.leaveOut & part.part) parts.push_back(part.name);
+        out.push_back({{"name", p.name}, {"splats", p.detail.splats}, {"leave_out", parts}, {"transport_functions", p.detail.transportFunctions},
+                       {"visibility_size", p.detail.visibilitySize}, {"resolution_scale", p.resolutionScale}, {"environment_directions", p.environmentDirections},
+                       {"milliseconds", p.milliseconds}, {"psnr_masked", p.psnrMasked}, {"measured_on", p.measuredOn}});
+    }
+    return out;
+}
+
 static Status assetInfo(const InfoArguments& args)
 {
     const auto file = openAsset(args.path, false);
@@ -135,9 +162,12 @@ static Status assetInfo(const InfoArguments& args)
         channels.push_back({{"name", channel.name}, {"bytes", channel.bytes}});
     }
     if (asset.drawnVisibility > 0) std::printf("visibility: %d x %d texels a splat, drawn from the splats when the asset is used\n", asset.drawnVisibility, asset.drawnVisibility);
+    const bool ordered = asset.find("importance") != nullptr;
+    std::printf("%s\n", ordered ? "splats have an order of importance: any share of them can be drawn" : "splats have no order of importance: all or none can be drawn (nacre pack makes one)");
+    for (const Preset& p : asset.presets) std::printf("preset %-17s %s\n", p.name.c_str(), presetText(p).c_str());
     if (args.json.empty()) return ok();
     return writeJson({{"model", asset.model}, {"splats", splats}, {"asset_bytes", bytes}, {"bytes_per_splat", perSplat},
-                      {"profile", summary.profile}, {"channels", channels},
+                      {"profile", summary.profile}, {"channels", channels}, {"importance_order", ordered}, {"presets", presetsJson(asset.presets)},
                       {"dataset_frame", {{"scale", frame.scale}, {"translation", {frame.translation.x, frame.translation.y, frame.translation.z}},
                                          {"light_gain", frame.lightGain}}}}, args.json);
 }

@@ -63,8 +63,14 @@ public:
         return measure();
     }
 
-    /// Of a reduced version of the same asset: what rounding costs hardly changes.
-    void calibrateLike(const Packer& whole) { steps_ = whole.steps_, errors_ = whole.errors_; }
+    /// Of a reduced version of the same asset, which may lack groups: what rounding costs hardly changes.
+    void calibrateLike(const Packer& whole)
+    {
+        steps_.clear(), errors_.clear();
+        for (const QuantGroup& group : source_.groups)
+            for (size_t g = 0; g < whole.steps_.size(); ++g)
+                if (whole.source_.groups[g].name == group.name) steps_.push_back(whole.steps_[g]), errors_.push_back(whole.errors_[g]);
+    }
 
     QuantisedAsset quantisedAt(double each) const { return quantise(source_, balanced(each)); }
 
@@ -347,7 +353,7 @@ Result<std::vector<PackedVersion>> packVersions(const SplatAsset& asset, const O
     for (const Detail& detail : details) {
         SplatAsset reduced = asset;
         if (Status s = reduceDetail(reduced, detail); !s) return s.error();
-        Packer packer(prepareForQuantising(reduced, splatImportance(reduced, views), kDrawn), *reference);
+        Packer packer(prepareForQuantising(reduced, splatImportance(reduced, views), detail.visibilitySize == 16 ? 16 : kDrawn), *reference);
         packer.calibrateLike(whole);
         for (const double rate : rates) {
             if (!progress("packing " + std::to_string(versions.size() + 1) + " of " + std::to_string(details.size() * rates.size()))) return Error{ErrorCode::kCancelled, "stopped"};

@@ -1,6 +1,7 @@
 #include "appearance/detail.h"
 
 #include "appearance/visibility_map.h"
+#include "base/limits.h"
 #include "base/text.h"
 #include "splats/morton.h"
 #include "splats/reorder.h"
@@ -38,6 +39,7 @@ private:
     struct Best {
         float distance = std::numeric_limits<float>::infinity();
         uint32_t index = 0;
+        int visits = 4096; // more than any object takes; files can be made to take all points for each
     };
 
     void build(size_t first, size_t end, int axis)
@@ -54,26 +56,26 @@ private:
     template <class Distance>
     void search(const glm::vec3& p, size_t first, size_t end, int axis, Distance& distance, Best& best) const
     {
-        if (first == end) return;
+        if (first == end || best.visits == 0) return;
+        --best.visits;
         const size_t middle = (first + end) / 2;
         const uint32_t index = order_[middle];
-        if (const float d = distance(index); d < best.distance || (d == best.distance && index < best.index)) best = {d, index};
+        if (const float d = distance(index); d < best.distance || (d == best.distance && index < best.index)) best.distance = d, best.index = index;
         const float across = p[axis] - points_[index][axis];
         const bool low = across < 0;
         search(p, low ? first : middle + 1, low ? middle : end, (axis + 1) % 3, distance, best);
-        if (std::abs(across) <= best.distance) search(p, low ? middle + 1 : first, low ? end : middle, (axis + 1) % 3, distance, best);
+        if (std::abs(across) < best.distance) search(p, low ? middle + 1 : first, low ? end : middle, (axis + 1) % 3, distance, best);
     }
 
     std::span<const glm::vec3> points_;
     std::vector<uint32_t> order_;
 };
 
-/// Where splats face, for those models that know; else null.
-const float* normalOf(const SplatAsset& asset, size_t splat)
+/// Begins with where splats face, of models that know; else null.
+const Channel* normalsOf(const SplatAsset& asset)
 {
-    for (const char* name : {"normal", "lobe"}) // both begin with it
-        if (const Channel* c = asset.find(name)) return &c->values[c->components * splat];
-    return nullptr;
+    const Channel* normals = asset.find("normal");
+    return normals ? normals : asset.find("lobe");
 }
 
 /// owner[i]: which of the kept splats, counted among them, stands for splat i: itself, or the nearest that faces the same way.
@@ -82,14 +84,16 @@ std::vector<uint32_t> ownersOf(const SplatAsset& asset, std::span<const uint32_t
     std::vector<glm::vec3> centres;
     for (const uint32_t i : kept) centres.push_back(asset.cloud.positions[i]);
     const NearestPoint nearest(centres);
+    const Channel* normals = normalsOf(asset);
+    const auto normalOf = [normals](size_t i) { return normals ? &normals->values[normals->components * i] : nullptr; };
     std::vector<uint32_t> owner(asset.cloud.count, ~0u);
     for (size_t k = 0; k < kept.size(); ++k) owner[kept[k]] = uint32_t(k);
     for (size_t i = 0; i < owner.size(); ++i) {
         if (owner[i] != ~0u) continue;
         const glm::vec3& p = asset.cloud.positions[i];
-        const float* n = normalOf(asset, i);
+        const float* n = normalOf(i);
         owner[i] = nearest.find(p, [&](uint32_t k) {
-            const float* m = n ? normalOf(asset, kept[k]) : nullptr;
+            const float* m = normalOf(kept[k]);
             const float facing = m ? n[0] * m[0] + n[1] * m[1] + n[2] * m[2] : 1.0f;
             return glm::distance(p, centres[k]) * (2 - std::clamp(facing, -1.0f, 1.0f));
         });
@@ -124,20 +128,22 @@ float localGrowth(double splatsHere, double splatsOnAverage)
 
 constexpr double kThickness = 1.2; // 1 - (1 - opacity)^this: layers behind are gone
 
-void averageOver(const Channel& whole, std::span<const uint32_t> owner, std::span<const double> share, Channel& kept)
+/// Gives the rows of `kept` the mean of those that they stand for.
+void averageOver(Channel& c, std::span<const uint32_t> kept, std::span<const uint32_t> owner, std::span<const double> part)
 {
-    std::vector<double> sums(kept.values.size());
-    const size_t n = kept.components;
+    const size_t n = c.components;
+    std::vector<double> sums(kept.size() * n);
     for (size_t i = 0; i < owner.size(); ++i)
-        for (size_t c = 0; c < n; ++c) sums[owner[i] * n + c] += share[i] * double(whole.values[i * n + c]);
-    for (size_t r = 0; r < kept.values.size(); r += n) {
+        for (size_t k = 0; k < n; ++k) sums[owner[i] * n + k] += part[i] * double(c.values[i * n + k]);
+    for (size_t r = 0; r < kept.size(); ++r) {
+        const double* mean = &sums[r * n];
         double scale = 1;
-        if (kept.name == "normal") {
-            const double length = std::sqrt(sums[r] * sums[r] + sums[r + 1] * sums[r + 1] + sums[r + 2] * sums[r + 2]);
+        if (c.name == "normal") {
+            const double length = std::sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2]);
             if (length < 0.1) continue; // of a sheet seen from both sides: its own
             scale = 1 / length;
         }
-        for (size_t c = 0; c < n; ++c) kept.values[r + c] = float(scale * sums[r + c]);
+        for (size_t k = 0; k < n; ++k) c.values[kept[r] * n + k] = float(scale * mean[k]);
     }
 }
 
@@ -152,17 +158,17 @@ Status keepShare(SplatAsset& asset, double share)
     kept.resize(count);
     std::sort(kept.begin(), kept.end()); // as they were, along a curve
     const std::vector<uint32_t> owner = ownersOf(asset, kept);
-    std::vector<double> total(kept.size()), members(kept.size()), part(n);
+    std::vector<double> total(count), members(count), part(n);
     for (size_t i = 0; i < n; ++i) total[owner[i]] += importanceOf(*importance, i), ++members[owner[i]];
     for (size_t i = 0; i < n; ++i) part[i] = importanceOf(*importance, i) / total[owner[i]];
-    const auto grown = float(std::pow(share, -double(growth->values[0])));
+    const double each = double(n) / double(count);
+    const auto grown = float(std::pow(each, double(growth->values[0])));
 
-    const SplatAsset whole = asset;
-    reorderSplats(asset, kept);
     for (Channel& c : asset.channels)
-        if (canBeAveraged(c)) averageOver(*whole.find(c.name.c_str()), owner, part, c);
-    for (size_t k = 0; k < kept.size(); ++k) {
-        asset.cloud.scales[k] *= grown * localGrowth(members[k], double(n) / double(kept.size()));
+        if (canBeAveraged(c)) averageOver(c, kept, owner, part);
+    reorderSplats(asset, kept);
+    for (size_t k = 0; k < count; ++k) {
+        asset.cloud.scales[k] = glm::min(asset.cloud.scales[k] * (grown * localGrowth(members[k], each)), kLargestNumber);
         asset.cloud.opacities[k] = float(1 - std::pow(1 - double(asset.cloud.opacities[k]), kThickness));
     }
     return ok();
@@ -239,8 +245,8 @@ Status checkDetail(const Detail& detail)
 Status reduceDetail(SplatAsset& asset, const Detail& detail)
 {
     if (Status s = checkDetail(detail); !s) return s;
+    if (Status s = keepShare(asset, double(detail.splats)); !s) return s; // first, while it is known where splats face
     leaveOutParts(asset, detail.leaveOut);
-    if (Status s = keepShare(asset, double(detail.splats)); !s) return s;
     if (detail.transportFunctions > 0) limitFunctions(asset, detail.transportFunctions);
     if (detail.visibilitySize == 16) {
         asset.drawnVisibility = std::min(asset.drawnVisibility, 16);

@@ -4,6 +4,7 @@
 #include "appearance/detail.h"
 #include "base/finite.h"
 #include "base/limits.h"
+#include "base/text.h"
 
 #include <algorithm>
 #include <cmath>
@@ -158,8 +159,9 @@ Status validateDetail(const SplatAsset& asset)
     if (asset.presets.size() > 64) return bad("the asset has " + std::to_string(asset.presets.size()) + " presets, at most 64 are read");
     for (size_t i = 0; i < asset.presets.size(); ++i) {
         const Preset& p = asset.presets[i];
-        const std::string where = "preset '" + p.name + "': ";
-        if (p.name.empty() || p.name.size() > 31) return bad("the name of a preset must have 1 to 31 bytes");
+        const std::string where = "preset " + inQuotes(p.name) + ": ";
+        if (p.name.empty() || p.name.size() > 31 || !std::all_of(p.name.begin(), p.name.end(), [](char c) { return c > 0x20 && c < 0x7f; }))
+            return bad("the name of a preset must be 1 to 31 printable ASCII characters");
         for (size_t k = 0; k < i; ++k)
             if (asset.presets[k].name == p.name) return bad(where + "the name appears twice");
         if (Status s = checkDetail(p.detail); !s) return bad(where + s.error().message);

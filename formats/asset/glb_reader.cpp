@@ -176,24 +176,30 @@ std::vector<Preset> readPresets(const json& relight)
     for (const json& entry : *list) {
         const std::string where = "presets[" + std::to_string(presets.size()) + "]";
         if (!entry.is_object()) bad(where + " is not an object");
-        const auto number = [&](const char* key, double absent) {
+        const auto number = [&](const char* key) { // 0 where it is absent
             const json* value = find(entry, key);
             if (value && !value->is_number()) bad(where + "." + key + " is not a number");
-            return value ? value->get<double>() : absent;
+            return value ? value->get<double>() : 0.0;
+        };
+        const auto real = [&](const char* key) { // 1 where it is absent
+            const json* value = find(entry, key);
+            return value ? toFloat(*value, where + "." + key) : 1.0f;
         };
         const auto whole = [&](const char* key) { return uint32_t(std::min<size_t>(sizeOr(entry, key, 0, where), ~0u)); };
         Preset preset;
         preset.name = needName(entry, "name", where);
-        preset.detail.splats = float(number("splats", 1));
+        preset.detail.splats = real("splats");
         preset.detail.transportFunctions = whole("transportFunctions"), preset.detail.visibilitySize = whole("visibilitySize");
-        preset.resolutionScale = float(number("resolutionScale", 1)), preset.environmentDirections = whole("environmentDirections");
-        preset.milliseconds = number("milliseconds", 0), preset.psnrMasked = number("psnrMasked", 0);
+        preset.resolutionScale = real("resolutionScale"), preset.environmentDirections = whole("environmentDirections");
+        preset.milliseconds = number("milliseconds"), preset.psnrMasked = number("psnrMasked");
         if (find(entry, "measuredOn")) preset.measuredOn = needString(entry, "measuredOn", where);
         if (const json* parts = find(entry, "leaveOut")) {
             if (!parts->is_array()) bad(where + ".leaveOut is not an array");
-            for (const json& part : *parts)
+            for (const json& part : *parts) {
+                if (!part.is_string()) bad(where + ".leaveOut has an entry that is not a string");
                 for (const DetailPartName& known : kDetailParts) // parts of newer versions stay
                     if (part == known.name) preset.detail.leaveOut |= known.part;
+            }
         }
         presets.push_back(std::move(preset));
     }

@@ -30,7 +30,9 @@ void reorderSplats(SplatAsset& asset, std::span<const uint32_t> order)
         const size_t rows = c.rows(n);
         reorder(c.values, rows, order), reorder(c.bytes, rows, order);
         if (c.leading > 0) c.leading = size_t(std::count_if(order.begin(), order.end(), [&](uint32_t i) { return i < rows; }));
+        if (c.leading == order.size()) c.leading = 0;
     }
+    std::erase_if(asset.channels, [](const Channel& c) { return c.values.empty() && c.bytes.empty(); }); // no splat is left that has rows
     cloud.count = order.size();
 }
 

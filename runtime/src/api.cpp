@@ -1,4 +1,5 @@
 // The C API: checks arguments, turns exceptions and failures into results and messages. The only extern "C" file.
+#include "appearance/detail.h"
 #include "appearance/sss/sss_edit.h"
 #include "asset.h"
 #include "base/text.h"
@@ -214,8 +215,9 @@ Failure readDetail(const NacreDetail* given, nacre::DetailChoice* choice)
     nacre::Detail& detail = choice->detail;
     detail.splats = d.splats == 0 ? 1 : d.splats;
     detail.leaveOut = d.leaveOut, detail.transportFunctions = d.transportFunctions, detail.visibilitySize = d.visibilitySize;
-    if (d.preset && !(detail == nacre::Detail{})) return invalid("NacreDetail: a preset and fields of one's own; leave one of them zero");
+    if (const nacre::Status s = nacre::checkDetail(detail); !s) return invalid("NacreDetail: " + s.error().message);
     if (d.preset) choice->preset = d.preset;
+    if (!choice->preset.empty() && !(detail == nacre::Detail{})) return invalid("NacreDetail: a preset and fields of one's own; leave one of them zero");
     return {};
 }
 

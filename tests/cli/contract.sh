@@ -169,6 +169,8 @@ expect 0 "" "$nacre" eval few.glb few --renderer reference --frames 0 --json eva
 grep -q "skipped: .*few/test/r_0003.exr" stderr.txt && grep -q "1 of 8 images .* the figures are of the rest" stderr.txt ||
     fail "eval does not say which images it left out: $(cat stderr.txt)"
 grep -q '"images": 7,' eval.json || fail "eval counts images that it left out: $(cat eval.json)"
+expect 0 "" "$nacre" info few.glb
+grep -q "order of importance: any share" stdout.txt || fail "a bake writes no order of importance: $(cat stdout.txt)"
 expect 0 "" "$nacre" info few
 grep -q "cannot be used" stdout.txt || fail "info does not say that images are broken: $(cat stdout.txt)"
 rm -rf few few.glb

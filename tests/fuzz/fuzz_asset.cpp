@@ -1,6 +1,8 @@
 // Any bytes into the asset reader: an error, or a valid asset that survives another round trip.
 #include "appearance/coded_channels.h"
+#include "appearance/detail.h"
 #include "asset/compact.h"
+#include "detail_fixtures.h"
 #include "formats_fixtures.h"
 
 #include <algorithm>
@@ -30,11 +32,14 @@ void decodeOnce(std::span<const std::byte> bytes)
     expandChannels(*asset);
     asset->drawnVisibility = 0; // takes too long
     if (!validate(*asset)) return; // codes that stand for numbers beyond what a channel may hold
+    check(!summarizeAsset(*asset).channels.empty());
     const auto again = encodeAsset(*asset);
     check(bool(again));
     const auto back = decodeAsset(*again);
-    check(back && test::identical(*asset, *back));
-    check(!summarizeAsset(*asset).channels.empty());
+    check(back && test::identical(*asset, *back) && back->presets == asset->presets);
+    if (asset->cloud.count > 1000) return;
+    const Detail less{0.5f, 0, 9, 16};
+    if (asset->find("importance")) check(reduceDetail(*asset, less) && validate(*asset));
 }
 
 /// Most mutations only make the GLB lengths disagree. The same content with lengths that agree reaches the code behind them.
@@ -78,8 +83,11 @@ extern "C" size_t nacreFuzzSeed(uint8_t* out, size_t cap, unsigned i)
         int sFunctions, neutralFunctions;
     } const kSeeds[] = {{1, 0, 0}, {2, 1, 1}, {3, 4, 4}, {2, 9, 16}, {9, 25, 9}};
     const unsigned bigs = std::size(kSeeds);
-    if (i >= bigs + 4) return 0;
-    const auto bytes = i < bigs       ? encodeAsset(test::makeAsset(kSeeds[i].count, kSeeds[i].sFunctions, kSeeds[i].neutralFunctions))
+    if (i >= bigs + 5) return 0;
+    SplatAsset ordered = test::withOrder(test::makeAsset(4, 1, 1, true));
+    ordered.presets = test::somePresets();
+    const auto bytes = i == bigs + 4  ? encodeAsset(ordered)
+                       : i < bigs     ? encodeAsset(test::makeAsset(kSeeds[i].count, kSeeds[i].sFunctions, kSeeds[i].neutralFunctions))
                        : i < bigs + 2 ? encodeAsset(test::makeSss(2, i > bigs))
                                       : encodeCompact(test::makeQuantised(i == bigs + 2 ? 3 : 300, i == bigs + 3));
     check(bytes && bytes->size() <= cap);

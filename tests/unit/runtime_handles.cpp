@@ -35,6 +35,7 @@ struct Calls {
     NacreEdit edit{};
     float matrix[16], tint[3] = {1, 1, 1}, ambient[3] = {1, 1, 1};
     NacreEnvironment environment{};
+    NacreDetail detail{};
     NacreDrawDesc draw = describe(kCamera);
 
     Calls()
@@ -43,6 +44,7 @@ struct Calls {
         edit.target = NACRE_EDIT_ROUGHNESS;
         copy(matrix, glm::dmat4(1));
         environment.structSize = sizeof environment, environment.sh = ambient, environment.shCount = 1;
+        detail.structSize = sizeof detail, detail.leaveOut = NACRE_WITHOUT_NETWORK;
     }
     std::vector<Call> ofContext()
     {
@@ -50,6 +52,8 @@ struct Calls {
             {"nacreContextGetInfo", [](uint64_t id) { NacreContextInfo i{}; i.structSize = sizeof i; return nacreContextGetInfo({id}, &i); }},
             {"nacreAssetCreate", [this](uint64_t id) { NacreAsset a{~0ull}; const auto r = nacreAssetCreate({id}, bytes.data(), bytes.size(), &a); return made(r, a.id); }},
             {"nacreAssetDecode", [this](uint64_t id) { NacreAsset a{~0ull}; const auto r = nacreAssetDecode({id}, bytes.data(), bytes.size(), &a); return made(r, a.id); }},
+            {"nacreAssetCreateDetail", [this](uint64_t id) { NacreAsset a{~0ull}; const auto r = nacreAssetCreateDetail({id}, bytes.data(), bytes.size(), &detail, &a); return made(r, a.id); }},
+            {"nacreAssetDecodeDetail", [this](uint64_t id) { NacreAsset a{~0ull}; const auto r = nacreAssetDecodeDetail({id}, bytes.data(), bytes.size(), &detail, &a); return made(r, a.id); }},
             {"nacreContextSetLights", [this](uint64_t id) { return nacreContextSetLights({id}, &light, 1); }},
             {"nacreContextSetEnvironment", [this](uint64_t id) { return nacreContextSetEnvironment({id}, &environment); }},
             {"nacreViewCreate", [](uint64_t id) { NacreView v{~0ull}; const auto r = nacreViewCreate({id}, nullptr, &v); return made(r, v.id); }},
@@ -242,6 +246,10 @@ TEST_CASE("null pointers are refused with a message, by every function that take
         {"AssetCreate", [&] { return nacreAssetCreate(host.context, bytes->data(), bytes->size(), nullptr); }},
         {"AssetDecode, no bytes", [&] { NacreAsset a{}; return nacreAssetDecode(host.context, nullptr, 5, &a); }},
         {"AssetDecode", [&] { return nacreAssetDecode(host.context, bytes->data(), bytes->size(), nullptr); }},
+        {"AssetCreateDetail, no bytes", [&] { NacreAsset a{}; return nacreAssetCreateDetail(host.context, nullptr, 5, nullptr, &a); }},
+        {"AssetCreateDetail", [&] { return nacreAssetCreateDetail(host.context, bytes->data(), bytes->size(), nullptr, nullptr); }},
+        {"AssetDecodeDetail, no bytes", [&] { NacreAsset a{}; return nacreAssetDecodeDetail(host.context, nullptr, 5, nullptr, &a); }},
+        {"AssetDecodeDetail", [&] { return nacreAssetDecodeDetail(host.context, bytes->data(), bytes->size(), nullptr, nullptr); }},
         {"AssetGetInfo", [&] { return nacreAssetGetInfo(host.asset, nullptr); }},
         {"SetTransform", [&] { return nacreInstanceSetTransform(host.instance, nullptr); }},
         {"SetTint", [&] { return nacreInstanceSetTint(host.instance, nullptr); }},

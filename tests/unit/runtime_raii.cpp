@@ -43,6 +43,10 @@ TEST_CASE("the C++ layer draws what the C API draws, owns what it makes and dest
     for (auto left = inSteps->uploadStep(1000); left && *left > 0; left = inSteps->uploadStep(1000)) ++steps;
     CHECK(steps > 1);
     CHECK(asset->info()->splatCount == 60);
+    auto reduced = rt::make<NacreDetail>();
+    reduced.splats = 0.5f; // the file has no order of importance
+    CHECK(context->loadAsset(bytes->data(), bytes->size(), &reduced).code == NACRE_ERROR_INVALID_ARGUMENT);
+    CHECK(context->decodeAsset(bytes->data(), bytes->size(), &reduced).code == NACRE_ERROR_INVALID_ARGUMENT);
 
     auto first = asset->instance(), second = inSteps->instance();
     auto view = context->view();

@@ -136,7 +136,7 @@ typedef struct NacreDetail {
     uint32_t leaveOut;            // NacreDetailParts
     uint32_t transportFunctions;  // bigs: most SH functions of light transport: 1, 4, 9 or 16; 0: all 25
     uint32_t visibilitySize;      // most texels per side of visibility maps: 16; 0: as they are
-    const char* preset;           // a preset of the file by its name (nacre info lists them), instead of the fields above; may be null
+    const char* preset;           // a preset of the file by its name (nacre info lists them), instead of the fields above; null or empty: none
 } NacreDetail;
 
 /// nacreAssetCreate and nacreAssetDecode of less than everything. `detail` may be null.
