@@ -39,6 +39,7 @@ Action addPrepare(CLI::App& app);
 Action addReport(CLI::App& app);
 Action addSelftest(CLI::App& app);
 Action addSynth(CLI::App& app);
+Action addTune(CLI::App& app);
 
 /// Ctrl-C and SIGTERM from now on only set the returned flag; poll it between pieces of work.
 const std::atomic<bool>& catchStopSignals();

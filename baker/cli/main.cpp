@@ -9,7 +9,7 @@
 namespace nacre::cli {
 
 // A new subcommand is one file and one line here.
-static constexpr Action (*kSubcommands[])(CLI::App&) = {addSynth, addPrepare, addBake, addEval, addRender, addConvert, addInfo, addPack, addReport, addSelftest};
+static constexpr Action (*kSubcommands[])(CLI::App&) = {addSynth, addPrepare, addBake, addEval, addRender, addConvert, addInfo, addPack, addReport, addTune, addSelftest};
 
 static int fail(const std::string& message, int code)
 {

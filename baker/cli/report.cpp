@@ -1,7 +1,9 @@
 // nacre report: error against run time, bytes and bake time of an asset on its dataset, as a page, JSON and tables.
 #include "cli.h"
 
+#include "base/file.h"
 #include "pack/importance.h"
+#include "report/device_profile.h"
 #include "report/measure.h"
 #include "report/report_files.h"
 #include "report/report_page.h"
@@ -16,7 +18,7 @@ namespace nacre::cli {
 struct ReportArguments {
     std::string asset, dataset, output, json, csv, bake;
     double minutes = 4.5;
-    bool noSelftest = false;
+    bool noSelftest = false, profileOnly = false;
     ThreadsOption threads;
 };
 
@@ -50,8 +52,30 @@ static std::string today()
     return text;
 }
 
+/// This machine's slopes, for nacre tune on another one.
+static Status writeProfile(const ReportArguments& args)
+{
+    if (!args.asset.empty() || !args.json.empty() || !args.csv.empty() || !args.bake.empty())
+        return Error{ErrorCode::kBadInput, "--profile-only measures the machine: no asset, no dataset, -o PROFILE.json and nothing else"};
+    const std::atomic<bool>& stop = catchStopSignals();
+    if (Status s = checkWritable(args.output); !s) return s;
+    Progress progress;
+    const auto profile = report::measureDevice([&](const std::string& text) {
+        progress.show("report: " + text);
+        return !stop;
+    });
+    progress.clear();
+    if (!profile) return stop ? stoppedBySignal("no profile was written") : profile.error();
+    const std::string text = report::profileJson(*profile);
+    if (Status s = writeFileAtomically(args.output, std::as_bytes(std::span(text))); !s) return s;
+    std::printf("%s", text.c_str());
+    return ok();
+}
+
 static Status runReport(const ReportArguments& args)
 {
+    if (args.profileOnly) return writeProfile(args);
+    if (args.asset.empty() || args.dataset.empty()) return Error{ErrorCode::kBadInput, "give ASSET and DATASET, or --profile-only"};
     const auto start = std::chrono::steady_clock::now();
     const std::atomic<bool>& stop = catchStopSignals();
     const auto threads = limitThreads(args.threads.count);
@@ -110,13 +134,14 @@ Action addReport(CLI::App& app)
 {
     auto args = std::make_shared<ReportArguments>();
     CLI::App* sub = app.add_subcommand("report", "Measure error against run time and bytes, and what each part of an asset is worth");
-    sub->add_option("ASSET", args->asset, "Asset (.glb)")->required();
-    sub->add_option("DATASET", args->dataset, "OLAT dataset it was baked from, with held-out images: its folder or a transforms file")->required();
+    sub->add_option("ASSET", args->asset, "Asset (.glb)");
+    sub->add_option("DATASET", args->dataset, "OLAT dataset it was baked from, with held-out images: its folder or a transforms file");
     sub->add_option("-o,--output", args->output, "Page to write (.html): one file that opens without a network")->required();
     sub->add_option("--json", args->json, "Write the figures to this file");
     sub->add_option("--csv", args->csv, "Write the figures as tables into this folder");
     sub->add_option("--bake", args->bake, "What nacre bake --json wrote of this asset: adds error against bake time, and what the bake tried and left out");
     sub->add_option("--minutes", args->minutes, "About as long as it may take; more makes frame times surer [minutes]")->check(numberBetween(1.5, 600))->capture_default_str();
+    sub->add_flag("--profile-only", args->profileOnly, "Measure this machine instead, for nacre tune --device-profile: -o is a .json, there is no ASSET and no DATASET");
     sub->add_flag("--no-selftest", args->noSelftest, "Leave out the stability suite (nacre selftest)");
     args->threads.addTo(*sub);
     return [args] { return runReport(*args); };

@@ -234,12 +234,11 @@ std::vector<double> plotTicks(double low, double high, bool logarithmic)
     const int every = std::max(1, int(std::ceil(decades / 8)));
     std::vector<double> out;
     for (int d = int(std::floor(first / every)) * every; d <= last; d += every)
-        for (const double m : {1.0, 2.0, 5.0}) {
-            if (m > 1 && decades > 3) continue;
+        for (const double m : decades > 4.5 ? std::vector{1.0} : decades > 2.5 ? std::vector{1.0, 3.0} : decades > 1.5 ? std::vector{1.0, 2.0, 5.0} : std::vector{1.0, 2.0, 3.0, 5.0, 7.0}) {
             const double value = d < 0 ? m / std::pow(10.0, -d) : m * std::pow(10.0, d); // 10^-1 is not exact, 1 / 10 as near as can be
             if (value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9)) out.push_back(value);
         }
-    return out.size() < 4 ? roundNumbers(low, high, 5) : out;
+    return out.size() < 3 ? roundNumbers(low, high, 5) : out;
 }
 
 std::string svgPlot(const Plot& plot)

@@ -127,6 +127,11 @@ Result<TimeFront> measureTimeFront(VariantMeter& meter, const SplatAsset& asset,
         constexpr double kCheapDecibel = 0.3, kCheapShare = 0.03;
         if (everything.psnrMasked - knob.psnrMasked < kCheapDecibel && knob.time.ms < (1 - kCheapShare) * everything.time.ms) cheap = join(cheap, knob.variant.detail);
     }
+    if (asset.find("importance"))
+        for (const float share : {0.71f, 0.5f, 0.25f, 0.125f}) {
+            front.shares.push_back({{{share}}, "", 0, {}, false});
+            if (Status s = look(meter, front.shares.back()); !s) return s.error();
+        }
     std::vector<TimedVariant> points = front.knobs;
     const std::vector<Variant> grid = gridOf(asset.find("importance") != nullptr, scales, cheap);
     for (size_t i = 0; i < grid.size(); ++i) {
@@ -147,6 +152,7 @@ Result<TimeFront> measureTimeFront(VariantMeter& meter, const SplatAsset& asset,
     const auto ask = [&](const TimedVariant& p) { variants.push_back(p.variant), frameSeconds += 1e-3 * p.time.ms; };
     for (const TimedVariant& p : points) ask(p);
     for (const TimedVariant& p : front.knobs) ask(p);
+    for (const TimedVariant& p : front.shares) ask(p);
     meter.forgetAllBut(variants);
     constexpr int kRounds = 13, kFewestRounds = 5, kFrames = 4; // 52 frames after 13 that do not count
     const int rounds = std::clamp(int((seconds - clock.seconds()) / (frameSeconds * (kFrames + 1))), kFewestRounds, kRounds);
@@ -156,6 +162,8 @@ Result<TimeFront> measureTimeFront(VariantMeter& meter, const SplatAsset& asset,
     if (!times) return times.error();
     for (size_t i = 0; i < points.size(); ++i) points[i].time = (*times)[i];
     for (size_t i = 0; i < front.knobs.size(); ++i) front.knobs[i].time = (*times)[points.size() + i];
+    for (size_t i = 0; i < front.shares.size(); ++i) front.shares[i].time = (*times)[points.size() + front.knobs.size() + i];
+    front.shares.insert(front.shares.begin(), points[0]);
     std::sort(points.begin() + 1, points.end(), [](const TimedVariant& a, const TimedVariant& b) { return a.time.ms < b.time.ms; });
     markDominated(points);
     front.points = std::move(points);

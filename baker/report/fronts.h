@@ -24,6 +24,7 @@ using Says = std::function<bool(const std::string&)>;
 struct TimeFront {
     std::vector<TimedVariant> points; // the first is everything; then by time
     std::vector<TimedVariant> knobs;  // one thing changed
+    std::vector<TimedVariant> shares; // of the splats, all else as it is: everything, then fewer
     std::vector<std::string> neverPays, notes;
 };
 

@@ -158,14 +158,14 @@ Status measureFronts(Measurement& m, double seconds)
     if (!front) return front.error();
     m.data.neverPays = front->neverPays;
     m.data.notes.insert(m.data.notes.end(), front->notes.begin(), front->notes.end());
-    for (const TimedVariant& p : front->points) {
+    const auto pointOf = [&](const TimedVariant& p) {
         FrontPoint point;
         point.settings = variantText(p.variant), point.preset = presetOf(m.asset, p.variant);
         point.time = frameOf(p.time), point.psnrMasked = p.psnrMasked, point.dominated = p.dominated;
-        m.data.frontTime.push_back(point);
-        const bool sharesOnly = p.variant.detail == Detail{p.variant.detail.splats} && p.variant.resolutionScale == 1;
-        if (sharesOnly) m.data.levels.push_back(std::move(point));
-    }
+        return point;
+    };
+    for (const TimedVariant& p : front->points) m.data.frontTime.push_back(pointOf(p));
+    for (const TimedVariant& p : front->shares) m.data.levels.push_back(pointOf(p));
     m.data.fullFrame = m.data.frontTime[0].time;
     addLedger(m, *front);
 

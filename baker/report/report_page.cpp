@@ -345,7 +345,7 @@ std::string levelsSection(const ReportData& d)
 
 std::string historySection(const ReportData& d)
 {
-    if (d.history.empty()) return absent("The bake's history is not there: it is read from the folder of the bake, beside the asset.");
+    if (d.history.empty()) return absent("The bake's history is not there: nacre bake --track --json FILE keeps it, nacre report --bake FILE shows it.");
     double end = 0, best = -1e300;
     const bool heldOut = std::any_of(d.history.begin(), d.history.end(), [](const HistoryPoint& h) { return h.heldOut; });
     for (const HistoryPoint& h : d.history) {

@@ -18,6 +18,10 @@ Result<std::vector<std::byte>> encodeAsset(const SplatAsset& asset);
 /// of the splats, which survive tools that reorder or crop these. Visibility maps are left out and drawn again from the splats.
 Result<std::vector<std::byte>> encodeInterop(const SplatAsset& asset);
 
+/// The same file with these presets instead of those it has; of any profile, nothing else of it is touched. Errors as decodeAsset, and presets
+/// that are not valid.
+Result<std::vector<std::byte>> withPresets(std::span<const std::byte> file, std::span<const Preset> presets);
+
 /// Coded channels are expanded.
 Result<SplatAsset> readAsset(const std::string& path);
 

@@ -1,7 +1,10 @@
 // A quantised asset as a .glb (SPEC.md, section 8). The JSON is written here rather than by tinygltf, which cannot leave out what is absent.
+#include "appearance/model_table.h"
+#include "asset/asset_io.h"
 #include "asset/codec/columns.h"
 #include "asset/compact.h"
 #include "asset/glb_layout.h"
+#include "base/glb_container.h"
 
 #include <nlohmann/json.hpp>
 
@@ -123,6 +126,23 @@ size_t encodedBytes(const Block& block)
     return bytes.size();
 }
 
+static std::vector<std::byte> assemble(std::string json, std::span<const std::byte> bin)
+{
+    json.resize((json.size() + 3) / 4 * 4, ' ');
+    std::vector<std::byte> out;
+    const auto put = [&](uint32_t x) {
+        for (int b = 0; b < 4; ++b) out.push_back(std::byte(x >> (8 * b) & 255));
+    };
+    constexpr uint32_t kMagic = 0x46546C67, kJson = 0x4E4F534A, kBin = 0x004E4942;
+    put(kMagic), put(2), put(uint32_t(12 + 8 + json.size() + 8 + bin.size()));
+    put(uint32_t(json.size())), put(kJson);
+    const auto* text = reinterpret_cast<const std::byte*>(json.data());
+    out.insert(out.end(), text, text + json.size());
+    put(uint32_t(bin.size())), put(kBin);
+    out.insert(out.end(), bin.begin(), bin.end());
+    return out;
+}
+
 Result<std::vector<std::byte>> encodeCompact(const QuantisedAsset& quantised)
 {
     const Result<SplatAsset> asset = dequantise(quantised); // the one check of everything; and the bounds
@@ -145,19 +165,30 @@ Result<std::vector<std::byte>> encodeCompact(const QuantisedAsset& quantised)
     } catch (const nlohmann::json::exception& e) { // a name that is not UTF-8
         return Error{ErrorCode::kBadInput, std::string("cannot serialise the asset: ") + e.what()};
     }
-    json.resize((json.size() + 3) / 4 * 4, ' ');
-    std::vector<std::byte> out;
-    const auto put = [&](uint32_t x) {
-        for (int b = 0; b < 4; ++b) out.push_back(std::byte(x >> (8 * b) & 255));
-    };
-    constexpr uint32_t kMagic = 0x46546C67, kJson = 0x4E4F534A, kBin = 0x004E4942;
-    put(kMagic), put(2), put(uint32_t(12 + 8 + json.size() + 8 + bin.size()));
-    put(uint32_t(json.size())), put(kJson);
-    const auto* text = reinterpret_cast<const std::byte*>(json.data());
-    out.insert(out.end(), text, text + json.size());
-    put(uint32_t(bin.size())), put(kBin);
-    out.insert(out.end(), bin.begin(), bin.end());
-    return out;
+    return assemble(std::move(json), bin);
+}
+
+Result<std::vector<std::byte>> withPresets(std::span<const std::byte> file, std::span<const Preset> presets)
+{
+    Result<SplatAsset> asset = decodeAsset(file);
+    if (!asset) return asset.error();
+    asset->presets.assign(presets.begin(), presets.end());
+    if (Status s = validate(*asset); !s) return s.error();
+    const Result<GlbChunks> chunks = splitGlb(file);
+    if (!chunks) return chunks.error();
+    Json document = Json::parse(reinterpret_cast<const char*>(chunks->json.data()), reinterpret_cast<const char*>(chunks->json.data()) + chunks->json.size());
+    for (Json& mesh : document["meshes"]) // one of them holds the splats: the file has been read
+        for (Json& primitive : mesh["primitives"]) {
+            if (!primitive.contains("extensions") || !primitive["extensions"].contains(glb::kSplatExtension)) continue;
+            Json& relight = primitive["extensions"][glb::kSplatExtension]["extensions"][glb::kRelightExtension];
+            relight.erase("presets");
+            for (const Preset& p : presets) relight["presets"].push_back(presetJson(p));
+        }
+    try {
+        return assemble(document.dump(), chunks->bin);
+    } catch (const Json::exception& e) { // a name that is not UTF-8
+        return Error{ErrorCode::kBadInput, std::string("cannot serialise the presets: ") + e.what()};
+    }
 }
 
 } // namespace nacre

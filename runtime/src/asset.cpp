@@ -56,9 +56,10 @@ static Failure choosePreset(const SplatAsset& source, const DetailChoice& choice
     std::string names;
     for (const Preset& p : source.presets) {
         if (p.name == choice.preset) return *preset = p, Failure{};
-        names += (names.empty() ? "" : ", ") + p.name;
+        names += names.empty() ? "; there are: " : ", ";
+        names += p.name;
     }
-    return invalid("the asset has no preset " + inQuotes(choice.preset) + "; " + (names.empty() ? "it has none" : "there are: " + names));
+    return invalid("the asset has no preset " + inQuotes(choice.preset) + (names.empty() ? std::string(", nor any other") : names));
 }
 
 Failure decode(Context& context, std::span<const std::byte> bytes, const DetailChoice& choice, std::shared_ptr<Asset>* out)
