@@ -24,16 +24,17 @@ Status addImportance(SplatAsset& asset, std::span<const PackView> views)
     const Result<PackReference> reference = PackReference::render(asset, few);
     if (!reference) return reference.error();
     replaceChannel(asset, std::move(importance));
-    replaceChannel(asset, {"growth", 1, {0.29f}, {}, true});
+    replaceChannel(asset, {"growth", 1, {0.21f}, {}, true});
     float best = 0;
     double least = INFINITY;
-    for (const float power : {0.21f, 0.25f, 0.29f, 0.33f, 0.37f}) { // 0.5 would keep the area
+    for (const float power : {0.13f, 0.17f, 0.21f, 0.25f, 0.29f}) { // 0.5 would keep the area
         SplatAsset quarter = asset;
         replaceChannel(quarter, {"growth", 1, {power}, {}, true});
         if (Status s = reduceDetail(quarter, {0.25f}); !s) return s;
-        const Result<double> error = reference->error(quarter);
-        if (!error) return error.error();
-        if (*error < least) least = *error, best = power;
+        const Result<double> object = reference->error(quarter), all = reference->errorEverywhere(quarter);
+        if (!object) return object.error();
+        if (!all) return all.error();
+        if (const double error = *object + *all; error < least) least = error, best = power; // half of what shows around it
     }
     replaceChannel(asset, {"growth", 1, {best}, {}, true});
     return ok();

@@ -163,7 +163,10 @@ Result<PackReference> PackReference::render(const SplatAsset& asset, std::vector
     return reference;
 }
 
-Result<double> PackReference::error(const SplatAsset& other) const
+Result<double> PackReference::error(const SplatAsset& other) const { return errorOver(other, false); }
+Result<double> PackReference::errorEverywhere(const SplatAsset& other) const { return errorOver(other, true); }
+
+Result<double> PackReference::errorOver(const SplatAsset& other, bool everywhere) const
 {
     const auto renderer = makeReferenceRenderer(inOwnFrame(other));
     if (!renderer) return renderer.error();
@@ -174,12 +177,13 @@ Result<double> PackReference::error(const SplatAsset& other) const
         if (!image) return image.error();
         const std::vector<float>& reference = images_[v];
         for (size_t p = 0; p < reference.size(); p += 4) {
-            if (!(reference[p + 3] > 0.5f)) continue;
+            const bool object = reference[p + 3] > 0.5f;
+            if (!object && !everywhere) continue;
             for (size_t c = 0; c < 3; ++c) {
                 const double d = double(displayed(image->rgba[p + c])) - double(reference[p + c]);
                 sum += d * d;
             }
-            ++pixels;
+            pixels += object;
         }
     }
     return pixels > 0 ? sum / (3 * double(pixels)) : 0.0;

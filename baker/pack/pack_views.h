@@ -35,9 +35,13 @@ public:
     static Result<PackReference> render(const SplatAsset& asset, std::vector<PackView> views);
     /// Mean squared error; over red, green and blue.
     Result<double> error(const SplatAsset& other) const;
+    /// The same over all pixels, still for each of the object: what shows around it counts as well.
+    Result<double> errorEverywhere(const SplatAsset& other) const;
     std::span<const PackView> views() const { return views_; }
 
 private:
+    Result<double> errorOver(const SplatAsset& other, bool everywhere) const;
+
     std::vector<PackView> views_;
     std::vector<std::vector<float>> images_; // display rgb and alpha
 };

@@ -126,7 +126,17 @@ float localGrowth(double splatsHere, double splatsOnAverage)
     return float(std::clamp(std::pow(splatsHere / splatsOnAverage, 0.25), kLeast, kMost));
 }
 
-constexpr double kThickness = 1.2; // 1 - (1 - opacity)^this: layers behind are gone
+/// Along the surface only: what grows outwards shows around the object.
+void grow(glm::vec3& scale, float by)
+{
+    const int thinnest = scale.x <= scale.y && scale.x <= scale.z ? 0 : scale.y <= scale.z ? 1 : 2;
+    for (int c = 0; c < 3; ++c)
+        if (c != thinnest) scale[c] = std::min(scale[c] * by, kLargestNumber);
+}
+
+/// The layers behind are gone. Growing further instead would show around the object: at a quarter of bunny_wax 28.6 dB over it and 30.6 dB of the
+/// image instead of 28.4 and 32.5.
+float thicker(float opacity, double layersInOne) { return float(1 - std::pow(1 - double(opacity), layersInOne)); }
 
 /// Gives the rows of `kept` the mean of those that they stand for.
 void averageOver(Channel& c, std::span<const uint32_t> kept, std::span<const uint32_t> owner, std::span<const double> part)
@@ -168,8 +178,8 @@ Status keepShare(SplatAsset& asset, double share)
         if (canBeAveraged(c)) averageOver(c, kept, owner, part);
     reorderSplats(asset, kept);
     for (size_t k = 0; k < count; ++k) {
-        asset.cloud.scales[k] = glm::min(asset.cloud.scales[k] * (grown * localGrowth(members[k], each)), kLargestNumber);
-        asset.cloud.opacities[k] = float(1 - std::pow(1 - double(asset.cloud.opacities[k]), kThickness));
+        grow(asset.cloud.scales[k], grown * localGrowth(members[k], each));
+        asset.cloud.opacities[k] = thicker(asset.cloud.opacities[k], std::sqrt(each));
     }
     return ok();
 }
