@@ -353,6 +353,7 @@ Result<std::vector<PackedVersion>> packVersions(const SplatAsset& asset, const O
     for (const Detail& detail : details) {
         SplatAsset reduced = asset;
         if (Status s = reduceDetail(reduced, detail); !s) return s.error();
+        if (detail != Detail{}) reduced.presets.clear(); // measured of the whole
         Packer packer(prepareForQuantising(reduced, splatImportance(reduced, views), detail.visibilitySize == 16 ? 16 : kDrawn), *reference);
         packer.calibrateLike(whole);
         for (const double rate : rates) {

@@ -176,15 +176,17 @@ Result<std::vector<std::byte>> withPresets(std::span<const std::byte> file, std:
     if (Status s = validate(*asset); !s) return s.error();
     const Result<GlbChunks> chunks = splitGlb(file);
     if (!chunks) return chunks.error();
-    Json document = Json::parse(reinterpret_cast<const char*>(chunks->json.data()), reinterpret_cast<const char*>(chunks->json.data()) + chunks->json.size());
-    for (Json& mesh : document["meshes"]) // one of them holds the splats: the file has been read
-        for (Json& primitive : mesh["primitives"]) {
-            if (!primitive.contains("extensions") || !primitive["extensions"].contains(glb::kSplatExtension)) continue;
-            Json& relight = primitive["extensions"][glb::kSplatExtension]["extensions"][glb::kRelightExtension];
-            relight.erase("presets");
-            for (const Preset& p : presets) relight["presets"].push_back(presetJson(p));
-        }
     try {
+        Json document = Json::parse(reinterpret_cast<const char*>(chunks->json.data()), reinterpret_cast<const char*>(chunks->json.data()) + chunks->json.size());
+        for (Json& mesh : document["meshes"]) { // one of them holds the splats: the file has been read
+            if (!mesh.contains("primitives") || !mesh["primitives"].is_array()) continue;
+            for (Json& primitive : mesh["primitives"]) {
+                if (!primitive.contains("extensions") || !primitive["extensions"].contains(glb::kSplatExtension)) continue;
+                Json& relight = primitive["extensions"][glb::kSplatExtension]["extensions"][glb::kRelightExtension];
+                relight.erase("presets");
+                for (const Preset& p : presets) relight["presets"].push_back(presetJson(p));
+            }
+        }
         return assemble(document.dump(), chunks->bin);
     } catch (const Json::exception& e) { // a name that is not UTF-8
         return Error{ErrorCode::kBadInput, std::string("cannot serialise the presets: ") + e.what()};

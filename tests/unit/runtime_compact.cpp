@@ -2,6 +2,7 @@
 #include "runtime_fixture.h"
 
 #include "appearance/coded_channels.h"
+#include "appearance/detail.h"
 #include "appearance/splat_visibility.h"
 #include "formats_fixtures.h"
 
@@ -52,6 +53,31 @@ TEST_CASE("an asset whose transport is coded and whose maps are drawn again matc
     const Image drawn = host.draw(offCentre(), lights);
     CHECK(psnr(drawn, expected) > 55); // transport is rounded to an eighth of a per cent of a splat's largest at most twice
     CHECK(host.info().gpuBytes + 200 * 90 < plain.gpuBytes);
+}
+
+TEST_CASE("a coded asset with fewer functions of transport matches the scalar reference, in fewer bytes of the GPU")
+{
+    if (!haveGl()) return;
+    const std::vector<Light> lights = {pointLight({0.8f, 1.1f, 0.4f}, {2.0f, 1.0f, 0.5f})};
+    const auto bytes = encodeCompact(coded());
+    REQUIRE(bytes);
+    Result<SplatAsset> asset = decodeAsset(*bytes);
+    REQUIRE(asset);
+    expandChannels(*asset), drawVisibility(*asset);
+    Host host;
+    uint64_t least = ~uint64_t(0);
+    for (const uint32_t functions : {25, 16, 9, 4, 1}) {
+        SplatAsset fewer = *asset;
+        REQUIRE(reduceDetail(fewer, {1, 0, functions}));
+        NacreDetail detail{};
+        detail.structSize = sizeof detail, detail.transportFunctions = functions;
+        host.unload();
+        REQUIRE_MESSAGE(nacreAssetCreateDetail(host.context, bytes->data(), bytes->size(), &detail, &host.asset) == NACRE_OK, host.lastMessage());
+        host.instance = host.place(host.asset);
+        CHECK(psnr(host.draw(offCentre(), lights), referenceImage(fewer, offCentre(), lights)) > 55);
+        CHECK(host.info().gpuBytes < least);
+        least = host.info().gpuBytes;
+    }
 }
 
 TEST_CASE("a coded asset uploads in slices of the budget, whole maps at hand after decoding")

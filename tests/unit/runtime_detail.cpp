@@ -166,7 +166,7 @@ TEST_CASE("what cannot be loaded with less detail is refused with a message, and
     says(refused(bytes, wanted(0, 0, 0, 8)), "16 or 32");
     says(refused(bytes, wanted(0, 0, 0, 0, "slow")), "'slow'; there are: fast, half, plain, all");
     says(refused(bytes, wanted(0, 0, 0, 0, "\x1b[31m\n")), "'?[31m'");
-    says(refused(plain, wanted(0, 0, 0, 0, "fast")), "it has none");
+    says(refused(plain, wanted(0, 0, 0, 0, "fast")), "nor any other");
     says(refused(bytes, wanted(0.5f, 0, 0, 0, "fast")), "preset");
     says(refused(bytes, wanted(0, 0, 9, 0, "nowhere")), "preset");
     says(refused(unordered, wanted(0.5f)), "nacre pack");
