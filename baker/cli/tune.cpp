@@ -9,6 +9,7 @@
 #include "report/measure.h"
 #include "report/tune.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -44,7 +45,8 @@ static Status checkGoal(const TuneArguments& args)
     if ((args.maxMs > 0) + (args.maxBytes > 0) + (args.minPsnr > 0) != 1) return Error{ErrorCode::kBadInput, "give one of --max-ms, --max-bytes and --min-psnr"};
     if (args.fastest && args.minPsnr == 0) return Error{ErrorCode::kBadInput, "--fastest goes with --min-psnr"};
     if (!args.preset.empty() && args.maxMs == 0 && !args.fastest) return Error{ErrorCode::kBadInput, "--as-preset goes with --max-ms, or --min-psnr and --fastest: bytes cannot be left out of a file that keeps everything"};
-    if (args.preset.size() > 31) return Error{ErrorCode::kBadInput, "--as-preset: a name has at most 31 bytes"};
+    if (args.preset.size() > 31 || !std::all_of(args.preset.begin(), args.preset.end(), [](char c) { return c > 0x20 && c < 0x7f; }))
+        return Error{ErrorCode::kBadInput, "--as-preset: a name has 1 to 31 printable ASCII characters without spaces"};
     return ok();
 }
 
