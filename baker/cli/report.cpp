@@ -124,8 +124,8 @@ static Status runReport(const ReportArguments& args)
         return size_t(std::count_if(points.begin(), points.end(), [](const report::FrontPoint& p) { return !p.dominated; }));
     };
     for (const report::SplitFigures& f : data->splits) std::printf("%-12s %3zu images  %.2f dB, %.2f dB over the object\n", f.split.c_str(), f.images, f.psnr, f.psnrMasked);
-    std::printf("%.2f ms a frame, %zu bytes; %zu points on the front of time, %zu on that of bytes; %s\n", data->fullFrame.ms, file->bytes.size(), onFront(data->frontTime), onFront(data->frontBytes),
-                data->stabilityNote.c_str());
+    std::printf("%.2f ms a frame, %zu bytes; %zu points on the front of time, %zu on that of bytes%s\n", data->fullFrame.ms, file->bytes.size(), onFront(data->frontTime), onFront(data->frontBytes),
+                data->stabilityNote.empty() ? "" : ("; self-test: " + data->stabilityNote).c_str());
     std::printf("%s: made in %.0f s\n", args.output.c_str(), data->seconds);
     return ok();
 }

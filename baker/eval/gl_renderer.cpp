@@ -24,8 +24,9 @@ public:
         nacreContextDestroy(context_); // and what is in it
     }
 
-    Status open(std::span<const std::byte> assetBytes, const Detail& detail)
+    Status open(std::span<const std::byte> assetBytes, const Detail& detail, const GlHost& host)
     {
+        format_ = host.halfTarget ? kHalfFormat : 0;
         Result<std::unique_ptr<HeadlessGl>> gl = HeadlessGl::create();
         if (!gl) return gl.error();
         gl_ = std::move(*gl);
@@ -34,6 +35,7 @@ public:
         desc.getProcAddress = HeadlessGl::getProcAddress;
         desc.message = keepMessage;
         desc.messageUser = &lastMessage_;
+        desc.backEnd = host.backEnd == GlHost::BackEnd::kGl33 ? NACRE_BACK_END_GL33 : host.backEnd == GlHost::BackEnd::kGl43 ? NACRE_BACK_END_GL43 : NACRE_BACK_END_AUTO;
         if (Status s = check(nacreContextCreate(&desc, &context_)); !s) return s;
         if (Status s = check(nacreViewCreate(context_, nullptr, &view_)); !s) return s;
         NacreInstanceDesc instance{}; // where the asset is its own world
@@ -139,12 +141,15 @@ private:
 
     Status draw(const Camera& camera)
     {
-        if (Status s = gl_->beginFrame(camera.width, camera.height); !s) return s;
+        if (Status s = gl_->beginFrame(camera.width, camera.height, format_); !s) return s;
         const NacreDrawDesc desc = drawDescOf(camera);
         return check(nacreViewDraw(view_, &desc));
     }
 
+    static constexpr unsigned kHalfFormat = 0x881A; // GL_RGBA16F
+
     std::unique_ptr<HeadlessGl> gl_;
+    unsigned format_ = 0;
     NacreContext context_{};
     NacreAsset asset_{};
     NacreInstance instance_{};
@@ -154,10 +159,10 @@ private:
 
 } // namespace
 
-Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes, const Detail& detail)
+Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes, const Detail& detail, const GlHost& host)
 {
     auto renderer = std::make_unique<GlRenderer>();
-    if (Status s = renderer->open(assetBytes, detail); !s) return s.error();
+    if (Status s = renderer->open(assetBytes, detail, host); !s) return s.error();
     const Result<NacreAssetInfo> info = renderer->info();
     if (!info) return info.error();
     const double* t = info->datasetTranslation;
@@ -167,7 +172,7 @@ Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte>
 Result<uint64_t> gpuBytesOf(std::span<const std::byte> assetBytes)
 {
     GlRenderer renderer;
-    if (Status s = renderer.open(assetBytes, {}); !s) return s.error();
+    if (Status s = renderer.open(assetBytes, {}, {}); !s) return s.error();
     const Result<NacreAssetInfo> info = renderer.info();
     if (!info) return info.error();
     return info->gpuBytes;

@@ -32,8 +32,14 @@ public:
     virtual std::string description() const = 0;
 };
 
-/// Through the public runtime API on a headless EGL context. `assetBytes` is the .glb, of which `detail` is loaded. Error kGpu if there is no context.
-Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes, const Detail& detail = {});
+/// What a host may choose besides.
+struct GlHost {
+    enum class BackEnd { kAuto, kGl33, kGl43 } backEnd = BackEnd::kAuto; // as NacreBackEnd
+    bool halfTarget = false; // draw into RGBA16F instead of RGBA32F
+};
+/// Through the public runtime API on a headless EGL context. `assetBytes` is the .glb, of which `detail` is loaded. Errors: kGpu if there is no
+/// context, kUnsupported if it cannot do the back end.
+Result<std::unique_ptr<SplatRenderer>> makeGlRenderer(std::span<const std::byte> assetBytes, const Detail& detail = {}, const GlHost& host = {});
 
 /// Textures and buffers of an asset on the GPU.
 Result<uint64_t> gpuBytesOf(std::span<const std::byte> assetBytes);

@@ -123,15 +123,15 @@ void VariantMeter::forgetAllBut(std::span<const Variant> variants)
     });
 }
 
-Result<double> VariantMeter::psnr(SplatRenderer& renderer, float scale)
+Result<double> VariantMeter::psnr(SplatRenderer& renderer, float scale, std::span<const View> views)
 {
     double sum = 0;
-    for (const View& view : views_) {
+    for (const View& view : views) {
         const Result<Image> image = renderer.render(scaledCamera(view.camera, scale), view.lights);
         if (!image) return image.error();
         sum += psnrMaskedOf(enlarge(*image, view.camera.width, view.camera.height), *view.reference);
     }
-    return sum / double(views_.size());
+    return sum / double(views.size());
 }
 
 Result<double> VariantMeter::psnrMasked(const Variant& variant)
@@ -148,6 +148,59 @@ Result<double> VariantMeter::psnrMasked(const SplatAsset& asset)
     const Result<std::unique_ptr<SplatRenderer>> r = makeGlRenderer(*bytes);
     if (!r) return r.error();
     return psnr(**r, 1);
+}
+
+static Result<VariantMeter::Compared> compareTimes(SplatRenderer& a, const std::vector<Light>& lightsA, SplatRenderer& b, const std::vector<Light>& lightsB, const Camera& camera, int rounds, int frames)
+{
+    std::vector<RenderTimes> timesA, timesB;
+    for (int round = 0; round < rounds; ++round) {
+        const Result<RenderTimes> ta = a.time(camera, lightsA, 1, frames), tb = b.time(camera, lightsB, 1, frames);
+        if (!ta) return ta.error();
+        if (!tb) return tb.error();
+        timesA.push_back(*ta), timesB.push_back(*tb);
+    }
+    return VariantMeter::Compared{0, 0, summarise(std::move(timesA), 0), summarise(std::move(timesB), 0)};
+}
+
+Result<VariantMeter::Compared> VariantMeter::compareHost(const GlHost& other, int rounds, int frames)
+{
+    const Result<SplatRenderer*> usual = renderer({});
+    if (!usual) return usual.error();
+    const Result<std::unique_ptr<SplatRenderer>> changed = makeGlRenderer(bytes_, {}, other);
+    if (!changed) return changed.error();
+    Result<Compared> compared = compareTimes(**usual, lights(), **changed, lights(), camera(), rounds, frames);
+    if (!compared) return compared;
+    const Result<double> a = psnr(**usual, 1), b = psnr(**changed, 1);
+    if (!a) return a.error();
+    if (!b) return b.error();
+    compared->psnrMasked = *a, compared->otherPsnrMasked = *b;
+    return compared;
+}
+
+Result<VariantMeter::Compared> VariantMeter::compareDirections(const OlatSplit& split, ImageCache& references, size_t images, int fewer, int most, int rounds, int frames)
+{
+    std::vector<View> many, few;
+    for (size_t i = 0; i < split.images.size() && many.size() < images; ++i) {
+        const OlatImage& image = split.images[i];
+        if (image.light.isPunctual() || image.light.type == LightType::kGroup) continue;
+        const auto reference = references.load(split, i);
+        if (!reference) return reference.error();
+        for (const auto& [views, count] : {std::pair(&many, most), std::pair(&few, fewer)}) {
+            auto lights = expandEnvironment(image.light, count);
+            if (!lights) return lights.error();
+            views->push_back({split.cameras[image.camera], std::move(*lights), *reference});
+        }
+    }
+    if (many.empty()) return Error{ErrorCode::kBadInput, "split '" + split.name + "' has no image under an environment"};
+    const Result<SplatRenderer*> r = renderer({});
+    if (!r) return r.error();
+    Result<Compared> compared = compareTimes(**r, many[0].lights, **r, few[0].lights, many[0].camera, rounds, frames);
+    if (!compared) return compared;
+    const Result<double> a = psnr(**r, 1, many), b = psnr(**r, 1, few);
+    if (!a) return a.error();
+    if (!b) return b.error();
+    compared->psnrMasked = *a, compared->otherPsnrMasked = *b;
+    return compared;
 }
 
 Result<std::vector<VariantTime>> VariantMeter::time(std::span<const Variant> variants, int rounds, int frames)

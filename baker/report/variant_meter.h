@@ -42,6 +42,15 @@ public:
     /// Frames from the camera of the first image, scaled, under any lights.
     Result<std::vector<VariantTime>> time(const Detail& detail, std::span<const Camera> cameras, std::span<const std::vector<Light>> lights, int rounds, int frames);
 
+    /// The whole asset in another back end or target, beside the usual ones: error and time of both, interleaved.
+    struct Compared {
+        double psnrMasked, otherPsnrMasked;
+        VariantTime time, otherTime;
+    };
+    Result<Compared> compareHost(const GlHost& other, int rounds, int frames);
+    /// The same of an environment by so many directions instead of `most`, over images of a split that have one.
+    Result<Compared> compareDirections(const OlatSplit& split, ImageCache& references, size_t images, int fewer, int most, int rounds, int frames);
+
     const Camera& camera() const { return views_[0].camera; }
     const std::vector<Light>& lights() const { return views_[0].lights; }
     size_t images() const { return views_.size(); }
@@ -57,7 +66,8 @@ private:
     };
     VariantMeter() = default;
     Result<SplatRenderer*> renderer(const Detail& detail);
-    Result<double> psnr(SplatRenderer& renderer, float scale);
+    Result<double> psnr(SplatRenderer& renderer, float scale) { return psnr(renderer, scale, views_); }
+    Result<double> psnr(SplatRenderer& renderer, float scale, std::span<const View> views);
 
     std::vector<std::byte> bytes_; // lossless: loads in a fraction of a second
     AssetFrame frame_;

@@ -71,7 +71,7 @@ bake=("$nacre" bake "$sample" --max-splats 400 --s-functions 4 --profile lossles
 echo "-- arguments"
 expect 0 "" "$nacre" --help
 expect 0 "" "$nacre" --version
-for command in synth prepare bake eval render convert info pack selftest; do
+for command in synth prepare bake eval render convert info pack report tune selftest; do
     expect 0 "" "$nacre" $command --help
     expect 2 "--nosuch" "$nacre" $command a b -o c --nosuch
 done
@@ -455,6 +455,33 @@ expect 2 "one sheet" "$nacre" render sss.glb -o c.exr "${view[@]}" --channel all
 expect 2 "no folder" "$nacre" render sss.glb -o nosuch/c.png "${view[@]}" --channel all
 expect 2 "excludes" "$nacre" render sss.glb -o c.png "${view[@]}" --channel depth --renderer gl
 [ ! -e c.png ] && [ ! -e c.exr ] || fail "a channel that was refused was written"
+
+echo "-- report and tune"
+expect 0 "" "$nacre" report $asset "$sample" -o r.html --json report.json --csv tables --bake bake.json --no-selftest --minutes 1.5
+keys report.json 2 splits front_time front_bytes levels ledger scalings memory notes command machine renderer
+grep -q '<html' r.html && ! grep -q '<script' r.html && ! grep -Eq '(src|href)="?https?:' r.html || fail "the report is no page, has a script, or loads something"
+[ "$(wc -l <tables/front_time.csv)" -gt 2 ] && [ "$(wc -l <tables/front_bytes.csv)" -gt 8 ] || fail "the tables of the report are short: $(wc -l tables/*)"
+cp -r "$sample" untested && rm untested/transforms_test.json
+expect 2 "held-out" "$nacre" report $asset untested -o none.html
+expect 2 "DATASET" "$nacre" report $asset -o none.html
+expect 2 "no folder" "$nacre" report $asset "$sample" -o nosuch/none.html
+expect 2 "bake --json" "$nacre" report $asset "$sample" -o none.html --bake "$0"
+expect 2 "cut.glb" "$nacre" report cut.glb "$sample" -o none.html
+expect 2 "profile-only" "$nacre" report $asset "$sample" -o none.html --profile-only
+[ ! -e none.html ] || fail "a report that was refused was written"
+expect 0 "" "$nacre" tune $asset "$sample" -o tuned.glb --max-bytes 12000 --json tune.json
+keys tune.json 2 settings splats resolution_scale ms ms_before psnr_masked psnr_masked_before bytes bytes_before
+[ "$(stat -c %s tuned.glb)" -le 12000 ] || fail "tune --max-bytes 12000 wrote $(stat -c %s tuned.glb) bytes"
+expect 0 "" "$nacre" info tuned.glb
+expect 0 "" "$nacre" report --profile-only -o device.json
+expect 0 "" "$nacre" tune one/small.glb "$sample" -o preset.glb --max-ms 1000 --as-preset all --minutes 0.5 --device-profile device.json
+"$nacre" info preset.glb | grep -q "all" || fail "tune --as-preset wrote no preset"
+expect 2 "one of --max-ms" "$nacre" tune $asset "$sample" -o none.glb
+expect 2 "one of --max-ms" "$nacre" tune $asset "$sample" -o none.glb --max-ms 3 --min-psnr 20
+expect 2 "cannot be kept" "$nacre" tune $asset "$sample" -o none.glb --max-bytes 10
+expect 2 "cannot be kept" "$nacre" tune $asset "$sample" -o none.glb --min-psnr 99
+expect 2 "device profile" "$nacre" tune $asset "$sample" -o none.glb --max-ms 3 --device-profile tune.json
+[ ! -e none.glb ] || fail "a choice that was refused was written"
 
 echo "-- bake: --model auto"
 expect 0 "" "${bake[@]}" -o auto.glb --model auto --iterations 20
