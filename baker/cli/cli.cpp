@@ -2,6 +2,7 @@
 #include "cli.h"
 
 #include "appearance/coded_channels.h"
+#include "appearance/detail.h"
 #include "asset/asset_io.h"
 #include "base/file.h"
 #include "splat/light_visibility.h"
@@ -101,6 +102,31 @@ Status checkWritable(const std::string& path)
     return ok();
 }
 
+Status checkOutputs(std::initializer_list<std::string> outputs, std::initializer_list<std::string> inputs)
+{
+    const auto real = [](const std::string& path) {
+        std::error_code ignored;
+        return std::filesystem::weakly_canonical(path, ignored);
+    };
+    std::vector<std::string> written;
+    for (const std::string& path : outputs) {
+        if (path.empty()) continue;
+        for (const std::string& other : written)
+            if (real(path) == real(other)) return Error{ErrorCode::kBadInput, "'" + path + "' would be written twice; give each output a name of its own"};
+        for (const std::string& input : inputs)
+            if (!input.empty() && real(path) == real(input)) return Error{ErrorCode::kBadInput, "'" + path + "' is an input, which would be lost; give the output another name"};
+        if (Status s = checkWritable(path); !s) return s;
+        written.push_back(path);
+    }
+    return ok();
+}
+
+Status checkExtension(const std::string& path, const char* extension)
+{
+    if (std::filesystem::path(path).extension() == extension) return ok();
+    return Error{ErrorCode::kBadInput, "'" + path + "': the name must end in " + extension};
+}
+
 Status makeFolder(const std::string& folder)
 {
     std::error_code error;
@@ -163,11 +189,22 @@ void RendererOption::addTo(CLI::App& app)
 {
     app.add_option("--renderer", name, "gl: the OpenGL runtime; reference: scalar code on the CPU")
         ->check(CLI::IsMember({"gl", "reference"}))->capture_default_str();
+    app.add_option("--preset", preset, "Load only what this preset of the asset keeps (nacre info lists them); its scale of the resolution is left to you");
 }
 
 Result<std::unique_ptr<SplatRenderer>> RendererOption::make(const AssetFile& file) const
 {
-    return name == "gl" ? makeGlRenderer(file.bytes) : makeReferenceRenderer(file.asset);
+    if (preset.empty()) return name == "gl" ? makeGlRenderer(file.bytes) : makeReferenceRenderer(file.asset);
+    std::string names;
+    for (const Preset& p : file.asset.presets) {
+        names += (names.empty() ? "" : ", ") + p.name;
+        if (p.name != preset) continue;
+        if (name == "gl") return makeGlRenderer(file.bytes, p.detail);
+        SplatAsset reduced = file.asset;
+        if (Status s = reduceDetail(reduced, p.detail); !s) return s.error();
+        return makeReferenceRenderer(reduced);
+    }
+    return Error{ErrorCode::kBadInput, "--preset " + inQuotes(preset) + ": the asset has " + (names.empty() ? std::string("no presets; nacre tune --as-preset makes them") : "the presets " + names)};
 }
 
 /// The whole text as a number; NaN, which fails every comparison, if it is none.

@@ -70,6 +70,10 @@ std::string format(const char* pattern, ...) __attribute__((format(printf, 1, 2)
 
 /// Says before hours of work, not after, that `path` cannot be written. Empty paths pass.
 Status checkWritable(const std::string& path);
+/// The same of all that a command writes, and that none is written twice or is one of its inputs. Empty paths pass.
+Status checkOutputs(std::initializer_list<std::string> outputs, std::initializer_list<std::string> inputs);
+/// Kind of a file by its name, e.g. ".glb".
+Status checkExtension(const std::string& path, const char* extension);
 /// Creates `folder` and its parents.
 Status makeFolder(const std::string& folder);
 Status writeJson(const Json& json, const std::string& path);
@@ -98,9 +102,9 @@ struct ThreadsOption {
     void addTo(CLI::App& app);
 };
 
-/// --renderer gl|reference.
+/// --renderer gl|reference, and --preset.
 struct RendererOption {
-    std::string name = "gl";
+    std::string name = "gl", preset;
     void addTo(CLI::App& app);
     Result<std::unique_ptr<SplatRenderer>> make(const AssetFile& file) const;
 };

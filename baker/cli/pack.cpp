@@ -63,9 +63,9 @@ static Result<std::vector<std::byte>> interopOf(const AssetFile& in)
 }
 
 /// Profiles that round nothing.
-static Status writeUnpacked(const PackArguments& args, AssetFile in)
+static Status writeUnpacked(const PackArguments& args, AssetFile in, const OlatSplit* seen)
 {
-    if (const Status s = ensureImportance(in.asset, nullptr); !s) warn("splats could not be ordered by importance (" + s.error().message + "): all or none can be drawn");
+    if (const Status s = ensureImportance(in.asset, seen); !s) warn("splats could not be ordered by importance (" + s.error().message + "): all or none can be drawn");
     const auto file = args.profile == "interop" ? interopOf(in) : encodeAsset(in.asset);
     if (!file) return file.error();
     if (Status s = writeFileAtomically(args.out, *file); !s) return s;
@@ -105,20 +105,22 @@ static Status runPack(const PackArguments& args)
     auto file = openAsset(args.in);
     if (!file) return file.error();
     if (file->asset.profile == "compact") warn("'" + args.in + "' is packed already: what that lost is not counted");
-    if (args.profile != "compact") return writeUnpacked(args, std::move(*file));
-
-    PackOptions options;
-    options.maxLossDecibel = args.maxLoss, options.bytesPerSplat = args.bytesPerSplat, options.curve = !args.curve.empty();
-    options.drawnVisibility = args.visibility == "stored" ? 0 : args.visibility == "drawn16" ? 16 : 32;
     OlatDataset dataset;
+    const OlatSplit* seen = nullptr;
     if (!args.against.empty()) {
         Result<OlatDataset> opened = openDataset(args.against);
         if (!opened) return opened.error();
         dataset = std::move(*opened);
         const auto train = findSplit(dataset, "train");
         if (!train) return train.error();
-        options.seen = *train;
+        seen = *train;
     }
+    if (args.profile != "compact") return writeUnpacked(args, std::move(*file), seen);
+
+    PackOptions options;
+    options.maxLossDecibel = args.maxLoss, options.bytesPerSplat = args.bytesPerSplat, options.curve = !args.curve.empty();
+    options.drawnVisibility = args.visibility == "stored" ? 0 : args.visibility == "drawn16" ? 16 : 32;
+    options.seen = seen;
     Progress progress;
     options.progress = [&](const std::string& text) { progress.show(text); };
     const Result<PackResult> packed = packCompact(file->asset, options);
@@ -144,7 +146,7 @@ Action addPack(CLI::App& app)
     sub->add_option("--bytes-per-splat", args->bytesPerSplat, "Size of the file to aim at instead [bytes per splat]")->check(numberBetween(4, 5000))->excludes(loss);
     auto* visibility = sub->add_option("--visibility", args->visibility, "drawn32, drawn16: none in the file, readers draw maps of so many texels a side from the splats; stored: codes, more bytes but quick to load")
         ->check(CLI::IsMember({"drawn32", "drawn16", "stored"}))->capture_default_str();
-    sub->add_option("--against", args->against, "Dataset the asset was baked from: bits go where its train cameras and lights show them (default: views all around)");
+    sub->add_option("--against", args->against, "Dataset the asset was baked from: bits and the order of importance go by what its train cameras and lights show (default: views all around)");
     sub->add_option("--curve", args->curve, "Write bytes per splat and loss at other sizes, too: FILE.csv, and FILE.svg beside it");
     sub->add_option("--json", args->json, "Write the figures to this file");
     args->threads.addTo(*sub);

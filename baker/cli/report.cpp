@@ -26,6 +26,7 @@ struct ReportArguments {
 static Status addBake(const std::string& path, report::ReportData& data)
 {
     std::ifstream in(path);
+    if (!in) return Error{ErrorCode::kBadInput, "--bake '" + path + "' cannot be read: no such file?"};
     const Json bake = Json::parse(in, nullptr, false);
     const Error bad{ErrorCode::kBadInput, "--bake '" + path + "' is not what 'nacre bake --json' writes"};
     if (bake.is_discarded() || !bake.is_object()) return bad;
@@ -58,6 +59,7 @@ static Status writeProfile(const ReportArguments& args)
     if (!args.asset.empty() || !args.json.empty() || !args.csv.empty() || !args.bake.empty())
         return Error{ErrorCode::kBadInput, "--profile-only measures the machine: no asset, no dataset, -o PROFILE.json and nothing else"};
     const std::atomic<bool>& stop = catchStopSignals();
+    if (Status s = checkExtension(args.output, ".json"); !s) return s;
     if (Status s = checkWritable(args.output); !s) return s;
     Progress progress;
     const auto profile = report::measureDevice([&](const std::string& text) {
@@ -79,9 +81,10 @@ static Status runReport(const ReportArguments& args)
     const auto start = std::chrono::steady_clock::now();
     const std::atomic<bool>& stop = catchStopSignals();
     const auto threads = limitThreads(args.threads.count);
-    for (const std::string& path : {args.output, args.json})
-        if (Status s = checkWritable(path); !s) return s;
-    if (!args.json.empty() && args.json == args.output) return Error{ErrorCode::kBadInput, "'" + args.json + "' would be written twice: give --json a name of its own"};
+    if (Status s = checkExtension(args.output, ".html"); !s) return s;
+    if (Status s = checkOutputs({args.output, args.json}, {args.asset, args.dataset, args.bake}); !s) return s;
+    if (!args.csv.empty())
+        if (Status s = makeFolder(args.csv); !s) return s;
     report::ReportData bake;
     if (!args.bake.empty())
         if (Status s = addBake(args.bake, bake); !s) return s;
@@ -94,6 +97,7 @@ static Status runReport(const ReportArguments& args)
     Progress progress;
     report::MeasureOptions options;
     options.seconds = 60 * args.minutes, options.selftest = !args.noSelftest;
+    options.stopped = [&] { return stop.load(); };
     options.says = [&](const std::string& text) {
         progress.show("report: " + text);
         return !stop;

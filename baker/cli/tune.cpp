@@ -52,10 +52,11 @@ static Status checkGoal(const TuneArguments& args)
 
 static void print(const TuneArguments& args, const report::Tuned& t, size_t before, size_t bytes)
 {
-    std::printf("%s: %s\n", args.output.c_str(), report::variantText(t.variant).c_str());
-    if (t.time.ms > 0) std::printf("%.2f ms a frame%s instead of %.2f\n", t.time.ms, args.profile.empty() ? "" : " on the device of the profile, about,", t.fullTime.ms);
+    std::printf("%s: %s\n", args.output.c_str(), t.settings.c_str());
+    if (t.time.ms > 0) std::printf("%.2f ms a frame%s (%.2f to %.2f) instead of %.2f\n", t.time.ms, args.profile.empty() ? "" : " on the device of the profile, about,", t.time.low, t.time.high, t.fullTime.ms);
     std::printf("%zu bytes instead of %zu\n", bytes, before);
-    std::printf("%.2f dB over the object instead of %.2f: %.2f dB were given up\n", t.psnrMasked, t.fullPsnrMasked, t.fullPsnrMasked - t.psnrMasked);
+    const double lost = t.fullPsnrMasked - t.psnrMasked;
+    std::printf("%.2f dB over the object instead of %.2f: %s\n", t.psnrMasked, t.fullPsnrMasked, lost > 0 ? format("%.2f dB were given up", lost).c_str() : "nothing was given up");
     if (t.variant.resolutionScale < 1) std::printf("the host has to draw splats at %.0f %% of the width and height, and enlarge them\n", 100 * double(t.variant.resolutionScale));
 }
 
@@ -64,9 +65,8 @@ static Status runTune(const TuneArguments& args)
     const std::atomic<bool>& stop = catchStopSignals();
     const auto threads = limitThreads(args.threads.count);
     if (Status s = checkGoal(args); !s) return s;
-    for (const std::string& path : {args.output, args.json})
-        if (Status s = checkWritable(path); !s) return s;
-    if (!args.json.empty() && args.json == args.output) return Error{ErrorCode::kBadInput, "'" + args.json + "' would be written twice: give --json a name of its own"};
+    if (Status s = checkExtension(args.output, ".glb"); !s) return s;
+    if (Status s = checkOutputs({args.output, args.json}, {args.asset, args.dataset, args.profile}); !s) return s;
     auto file = openAsset(args.asset);
     if (!file) return file.error();
     const auto dataset = openDataset(args.dataset);
@@ -99,6 +99,7 @@ static Status runTune(const TuneArguments& args)
     constexpr size_t kImages = 8;
     auto meter = report::VariantMeter::create(file->asset, **split, references, kImages);
     if (!meter) return meter.error();
+    meter->stopped = [&] { return stop.load(); };
     auto tuned = report::tune(*meter, file->asset, seen, file->bytes.size(), goal, 60 * args.minutes, says);
     if (!tuned) return stop ? stoppedBySignal("nothing was written") : tuned.error();
 
@@ -115,14 +116,30 @@ static Status runTune(const TuneArguments& args)
         out = withPresets(file->bytes, presets);
     } else if (tuned->variant == report::Variant{} && tuned->file.empty()) out = file->bytes;
     else if (tuned->file.empty()) out = reducedFile(*file, *tuned, preset, seen);
-    progress.clear();
     if (!out) return out.error();
+    // The file has the last word: packing rounds once more, and readers draw maps anew from the splats that are left.
+    if (args.preset.empty() && tuned->file.empty()) {
+        says("loading what was made");
+        const auto psnr = meter->psnrMaskedOfFile(*out);
+        if (!psnr) return stop ? stoppedBySignal("nothing was written") : psnr.error();
+        tuned->psnrMasked = *psnr;
+        if (args.profile.empty() && tuned->time.ms > 0) {
+            const auto time = meter->timeOfFile(*out, tuned->variant.resolutionScale, 12, 4);
+            if (!time) return stop ? stoppedBySignal("nothing was written") : time.error();
+            tuned->time = *time;
+        }
+    }
+    progress.clear();
     if (stop) return stoppedBySignal("nothing was written");
+    if (args.minPsnr > 0 && tuned->psnrMasked < args.minPsnr) warn(format("the file has %.2f dB, less than --min-psnr: rounding, and maps that readers draw anew, cost more than was foreseen; ask for that much more", tuned->psnrMasked));
+    constexpr double kAlien = 15, kNoisy = 1.5;
+    if (tuned->fullPsnrMasked < kAlien) warn(format("the asset and the dataset hardly agree (%.2f dB): is it the one it was baked from?", tuned->fullPsnrMasked));
+    if (tuned->time.high > kNoisy * tuned->time.low && tuned->time.low > 0) warn("frame times are unsure: other work on this machine came between");
     if (Status s = writeFileAtomically(args.output, *out); !s) return s;
     print(args, *tuned, file->bytes.size(), out->size());
     if (args.json.empty()) return ok();
     const auto measured = [](double x) { return x > 0 ? Json(x) : Json(nullptr); };
-    return writeJson({{"settings", report::variantText(tuned->variant)}, {"splats", tuned->variant.detail.splats}, {"resolution_scale", tuned->variant.resolutionScale},
+    return writeJson({{"settings", tuned->settings}, {"splats", tuned->variant.detail.splats}, {"resolution_scale", tuned->variant.resolutionScale},
                       {"ms", measured(tuned->time.ms)}, {"ms_before", measured(tuned->fullTime.ms)}, {"psnr_masked", tuned->psnrMasked}, {"psnr_masked_before", tuned->fullPsnrMasked},
                       {"bytes", out->size()}, {"bytes_before", file->bytes.size()}},
                      args.json);

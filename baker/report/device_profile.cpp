@@ -141,8 +141,8 @@ Result<DeviceProfile> readProfile(const std::string& path)
     try {
         profile.machine = json.at("machine").get<std::string>(), profile.renderer = json.at("renderer").get<std::string>();
         profile.bigs = slopesFrom(json.at("bigs")), profile.sss = slopesFrom(json.at("sss"));
-    } catch (const Json::exception& e) {
-        return Error{ErrorCode::kBadInput, "'" + path + "' is not a device profile, as nacre report --profile-only writes it: " + e.what()};
+    } catch (const Json::exception&) {
+        return Error{ErrorCode::kBadInput, "'" + path + "' is not a device profile, as nacre report --profile-only writes it: machine and renderer are texts; bigs and sss each have the numbers relight_ns_per_splat_and_light, sort_ns_per_splat and raster_ns_per_covered_pixel"};
     }
     if (!positive(profile.bigs) || !positive(profile.sss)) return Error{ErrorCode::kBadInput, "'" + path + "': slopes of a device profile must be above 0 and below 1e12 ns"};
     return profile;

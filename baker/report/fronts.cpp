@@ -63,10 +63,11 @@ std::vector<Variant> gridOf(bool hasOrder, bool scales, const Detail& cheap)
 
 void markDominated(std::vector<TimedVariant>& points)
 {
-    std::vector<double> ms, psnr;
-    for (const TimedVariant& p : points) ms.push_back(p.time.ms), psnr.push_back(p.psnrMasked);
-    const std::vector<bool> worse = dominated(ms, psnr);
-    for (size_t i = 0; i < points.size(); ++i) points[i].dominated = worse[i];
+    for (size_t i = 0; i < points.size(); ++i)
+        points[i].dominated = std::any_of(points.begin(), points.end(), [&](const TimedVariant& q) {
+            const TimedVariant& p = points[i];
+            return q.variant.resolutionScale >= p.variant.resolutionScale && q.time.ms <= p.time.ms && q.psnrMasked >= p.psnrMasked && (q.time.ms < p.time.ms || q.psnrMasked > p.psnrMasked);
+        });
 }
 
 /// Error, and a first idea of the time.
@@ -87,7 +88,7 @@ std::vector<TimedVariant> promising(std::vector<TimedVariant> points, size_t mos
     constexpr double kDoubt = 0.92;
     std::vector<TimedVariant> kept;
     for (const TimedVariant& p : points) {
-        const bool hopeless = std::any_of(points.begin(), points.end(), [&](const TimedVariant& q) { return q.time.ms < kDoubt * p.time.ms && q.psnrMasked >= p.psnrMasked; });
+        const bool hopeless = std::any_of(points.begin(), points.end(), [&](const TimedVariant& q) { return q.variant.resolutionScale >= p.variant.resolutionScale && q.time.ms < kDoubt * p.time.ms && q.psnrMasked >= p.psnrMasked; });
         if (!hopeless) kept.push_back(p);
     }
     std::sort(kept.begin(), kept.end(), [](const TimedVariant& a, const TimedVariant& b) { return a.time.ms < b.time.ms; });
@@ -144,8 +145,11 @@ Result<TimeFront> measureTimeFront(VariantMeter& meter, const SplatAsset& asset,
         points.push_back({grid[i], "", 0, {}, false});
         if (Status s = look(meter, points.back()); !s) return s.error();
     }
-    constexpr size_t kMostPoints = 18;
-    points = promising(std::move(points), kMostPoints);
+    constexpr size_t kMostPoints = 11; // at all pixels, and at fewer
+    const auto scaled = std::stable_partition(points.begin(), points.end(), [](const TimedVariant& p) { return p.variant.resolutionScale == 1; });
+    std::vector<TimedVariant> whole = promising({points.begin(), scaled}, kMostPoints), fewer = promising({scaled, points.end()}, kMostPoints);
+    points = std::move(whole);
+    points.insert(points.end(), fewer.begin(), fewer.end());
     points.insert(points.begin(), everything);
     std::vector<Variant> variants;
     double frameSeconds = 0;

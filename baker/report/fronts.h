@@ -15,7 +15,7 @@ struct TimedVariant {
     std::string knob;        // the one thing that differs from everything; empty: several, or none
     double psnrMasked = 0;
     VariantTime time;
-    bool dominated = false;  // another is at least as good in both and better in one
+    bool dominated = false;  // another is at least as good in both and better in one, and at as many pixels: fewer are the host's work
 };
 
 /// `says` is told what is done next; false stops with kCancelled.

@@ -180,6 +180,7 @@ Status measureFronts(Measurement& m, double seconds)
     if (!split) return split.error();
     Result<VariantMeter> meter = VariantMeter::create(m.asset, **split, m.references, m.options.frontImages);
     if (!meter) return meter.error();
+    meter->stopped = m.options.stopped;
     m.data.width = meter->camera().width, m.data.height = meter->camera().height;
     m.data.notes.push_back("fronts: " + std::to_string(meter->images()) + " images of split " + (*split)->name + "; frames of the first, under its light, everything evaluated in each");
     Result<TimeFront> front = measureTimeFront(*meter, m.asset, 0.5 * seconds, true, [&](const std::string& text) { return m.options.says("frame time: " + text); });
@@ -189,12 +190,16 @@ Status measureFronts(Measurement& m, double seconds)
     const auto pointOf = [&](const TimedVariant& p) {
         FrontPoint point;
         point.settings = variantText(p.variant), point.preset = presetOf(m.asset, p.variant);
-        point.time = frameOf(p.time), point.psnrMasked = p.psnrMasked, point.dominated = p.dominated;
+        point.time = frameOf(p.time), point.psnrMasked = p.psnrMasked, point.dominated = p.dominated, point.scaled = p.variant.resolutionScale < 1;
         return point;
     };
     for (const TimedVariant& p : front->points) m.data.frontTime.push_back(pointOf(p));
     for (const TimedVariant& p : front->shares) m.data.levels.push_back(pointOf(p));
     m.data.fullFrame = m.data.frontTime[0].time;
+    constexpr double kNoisy = 1.5;
+    if (m.data.fullFrame.high > kNoisy * m.data.fullFrame.low) m.data.notes.insert(m.data.notes.begin(), "frame times are unsure: other work on this machine came between, the ranges tell how much");
+    constexpr double kAlien = 15;
+    if (m.data.frontTime[0].psnrMasked < kAlien) m.data.notes.insert(m.data.notes.begin(), "the asset and the dataset hardly agree (" + decibels(m.data.frontTime[0].psnrMasked) + "): is it the one it was baked from?");
     addLedger(m, *front);
 
     if (Status s = addHostChoices(m, *meter); !s) return s;
@@ -286,7 +291,7 @@ Result<const OlatSplit*> heldOutSplit(const OlatDataset& dataset)
     if (const OlatSplit* test = dataset.find("test"); test && !test->images.empty()) return test;
     for (const OlatSplit& split : dataset.splits)
         if (split.name != "train" && !split.images.empty()) return &split;
-    return Error{ErrorCode::kBadInput, "the dataset has no held-out images (a split 'test'); a report of the images it was trained on would say nothing"};
+    return Error{ErrorCode::kBadInput, "the dataset has no held-out images (a split 'test'); what an asset makes of the images that it was trained on says nothing"};
 }
 
 std::string machineText()

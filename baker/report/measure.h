@@ -16,6 +16,7 @@ struct MeasureOptions {
     size_t frontImages = 8;    // held-out images that the fronts use
     bool selftest = true;
     Says says;                 // may not be empty
+    std::function<bool()> stopped = [] { return false; }; // asked more often than anything is said
 };
 
 /// `asset` is expanded, with its maps and an order of importance; `file`: the bytes it was read from. Fills everything but the names, the bake's

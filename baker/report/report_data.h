@@ -22,7 +22,8 @@ struct FrontPoint {
     TimedFrame time;             // front_time
     double bytes = 0;            // front_bytes: of the file
     double psnrMasked = 0;       // dB, on the held-out images that the fronts use
-    bool dominated = false;      // another point is at least as good in both and better in one
+    bool scaled = false;         // drawn at fewer pixels than the host shows, and enlarged
+    bool dominated = false;      // another that is scaled no more point is at least as good in both and better in one
 };
 
 /// Held-out error of the whole asset on one split, at the pixels of the dataset.

@@ -189,14 +189,15 @@ std::vector<FrontPoint> sortedFront(const std::vector<FrontPoint>& points, Quant
     return front;
 }
 
-/// "Half the frame time costs 0.84 dB (50 % of the splats)." Empty if nothing on the front is that cheap.
-std::string price(const std::vector<FrontPoint>& front, Quantity quantity, double share, const std::string& what)
+/// "Half the frame time costs 0.84 dB (50 % of the splats)." Empty if nothing on the front is that cheap. `whole`: what everything takes and has.
+std::string price(const std::vector<FrontPoint>& front, Quantity quantity, double whole, double wholePsnr, double share, const std::string& what)
 {
-    if (front.empty()) return "";
-    const FrontPoint *best = &front.back(), *cheap = nullptr; // the front rises
+    const FrontPoint* cheap = nullptr;
     for (const FrontPoint& p : front)
-        if (quantity(p) <= share * quantity(*best) && (!cheap || p.psnrMasked > cheap->psnrMasked)) cheap = &p;
-    return cheap ? what + " costs " + decibel(best->psnrMasked - cheap->psnrMasked) + " (" + cheap->settings + ")." : "";
+        if (quantity(p) <= share * whole && (!cheap || p.psnrMasked > cheap->psnrMasked)) cheap = &p;
+    if (!cheap || !std::isfinite(wholePsnr)) return "";
+    const double lost = wholePsnr - cheap->psnrMasked;
+    return what + (lost > 0.005 ? " costs " + decibel(lost) : std::string(" costs nothing")) + " (" + cheap->settings + ").";
 }
 
 // ---- Sections
@@ -230,9 +231,14 @@ std::string cards(const ReportData& d)
 std::string summary(const ReportData& d)
 {
     const std::vector<FrontPoint> time = sortedFront(d.frontTime, timeOf), bytes = sortedFront(d.frontBytes, bytesOf);
+    std::vector<FrontPoint> whole; // pixels
+    for (const FrontPoint& p : time)
+        if (!p.scaled) whole.push_back(p);
+    const double psnr = d.frontTime.empty() ? NAN : d.frontTime[0].psnrMasked, ms = d.fullFrame.ms, size = fileBytes(d); // the first is everything
     Texts lines;
-    for (const std::string& line : {price(time, timeOf, 0.5, "Half the frame time"), price(time, timeOf, 0.25, "A quarter of the frame time"),
-                                    price(bytes, bytesOf, 0.5, "Half the bytes"), price(bytes, bytesOf, 0.25, "A quarter of the bytes")})
+    for (const std::string& line : {price(whole, timeOf, ms, psnr, 0.5, "Half the frame time"), price(whole, timeOf, ms, psnr, 0.25, "A quarter of the frame time"),
+                                    price(time, timeOf, ms, psnr, 0.25, "A quarter of the frame time, drawn at fewer pixels where that helps,"),
+                                    price(bytes, bytesOf, size, psnr, 0.5, "Half the bytes"), price(bytes, bytesOf, size, psnr, 0.25, "A quarter of the bytes")})
         if (!line.empty()) lines.push_back(line);
     return lines.empty() ? "" : list(lines);
 }
@@ -277,24 +283,28 @@ std::string frontSection(const std::vector<FrontPoint>& points, Quantity quantit
         out.hint = p.settings + ": " + (quantity == timeOf ? msText(p.time.ms) + " ms" : bytesText(p.bytes)) + ", " + decibel(p.psnrMasked);
         return out;
     };
-    PlotSeries dominated, best;
+    PlotSeries dominated, best, scaled;
     dominated.name = "dominated", dominated.grey = true;
     best.name = "front", best.line = PlotSeries::Line::kSteps;
+    scaled.name = "front at fewer pixels", scaled.line = PlotSeries::Line::kSteps;
     for (const FrontPoint& p : points)
         if (p.dominated) dominated.points.push_back(plotPoint(p, ""));
-    for (size_t i = 0; i < front.size(); ++i) best.points.push_back(plotPoint(front[i], std::to_string(i + 1)));
+    for (size_t i = 0; i < front.size(); ++i) (front[i].scaled ? scaled : best).points.push_back(plotPoint(front[i], std::to_string(i + 1)));
     const bool presets = std::any_of(points.begin(), points.end(), [](const FrontPoint& p) { return !p.preset.empty(); });
 
     std::string out;
     if (front.empty()) return out + absent("None of the settings could be measured; the notes say why.");
     const double low = quantity(front.front()), high = quantity(front.back());
+    double most = -INFINITY;
+    for (const FrontPoint& p : front) most = std::max(most, p.psnrMasked);
     const auto text = [&](double x) { return quantity == timeOf ? msText(x) + " ms" : bytesText(x); };
     out += paragraph(std::to_string(points.size()) + " settings measured, " + std::to_string(front.size()) + " of them on the front: from " +
                      text(low) + " to " + text(high) + ", a range of " + fixedText(high / low, 1) + " times, at " +
-                     fixedText(front.front().psnrMasked, 2) + " to " + decibel(front.back().psnrMasked) + ".");
+                     fixedText(front.front().psnrMasked, 2) + " to " + decibel(most) + ".");
     Plot plot{"Masked PSNR against " + what, {axis, high / low > 4}, {"masked PSNR [dB]"}, {}, {}, 600, 380};
     if (!dominated.points.empty()) plot.series.push_back(dominated);
     plot.series.push_back(best);
+    if (!scaled.points.empty()) plot.series.push_back(scaled);
     out +=
         figure(plot, "Up and to the left is better. Numbers are those of the table" + std::string(presets ? "; rings are presets of the asset" : "") +
                          (quantity == timeOf ? "; bars hold the medians of nine re-runs in ten." : "."));
@@ -312,7 +322,7 @@ std::string frontSection(const std::vector<FrontPoint>& points, Quantity quantit
         if (presets) row.cells.push_back(p.preset);
         if (times) row.cells.insert(row.cells.end(), {measuredText(p.time.ms, msText), rangeText(p.time.low, p.time.high)});
         if (sizes) row.cells.push_back(measuredText(p.bytes, bytesText));
-        row.cells.insert(row.cells.end(), {fixedText(p.psnrMasked, 2), fixedText(front.back().psnrMasked - p.psnrMasked, 2)});
+        row.cells.insert(row.cells.end(), {fixedText(p.psnrMasked, 2), fixedText(most - p.psnrMasked, 2)});
         rows.push_back(std::move(row));
     }
     return out + table("The front: no other setting is at least as good in both and better in one.", columns, rows);

@@ -5,14 +5,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace nacre::report {
 
 namespace {
 
-std::string text(double x) { return numberText(float(std::round(100 * x) / 100)); }
+std::string text(double x) { return numberText(float(x)); }
 
-Error unreachable(const std::string& bound, const std::string& nearest) { return Error{ErrorCode::kBadInput, bound + " cannot be kept: " + nearest}; }
+Error unreachable(const std::string& bound, const std::string& nearest, const std::string& advice) { return Error{ErrorCode::kBadInput, bound + " cannot be kept: " + nearest + "; " + advice}; }
 
 struct Search {
     VariantMeter& meter;
@@ -67,11 +68,11 @@ Result<Tuned> tuneTime(const Search& search, double seconds)
         if (goal.mostMilliseconds > 0 ? p.time.ms < nearest->time.ms : p.psnrMasked > nearest->psnrMasked) nearest = &p;
     }
     if (!best)
-        return goal.mostMilliseconds > 0 ? unreachable("--max-ms " + text(goal.mostMilliseconds), "the fastest that was measured (" + variantText(nearest->variant) + ") takes " + text(nearest->time.ms) + " ms")
-                                         : unreachable("--min-psnr " + text(goal.leastPsnr), "the best that was measured (" + variantText(nearest->variant) + ") has " + text(nearest->psnrMasked) + " dB");
+        return goal.mostMilliseconds > 0 ? unreachable("--max-ms " + text(goal.mostMilliseconds), "the fastest that was measured (" + variantText(nearest->variant) + ") takes " + text(nearest->time.ms) + " ms", goal.scales ? "bake with fewer splats" : "ask for no less, or try --allow-scale")
+                                         : unreachable("--min-psnr " + text(goal.leastPsnr), "the best that was measured (" + variantText(nearest->variant) + ") has " + text(nearest->psnrMasked) + " dB", "ask for no more, or bake longer");
     Result<TimedVariant> refined = refine(search, *best, goal.mostMilliseconds == 0, within);
     if (!refined) return refined.error();
-    return Tuned{refined->variant, refined->psnrMasked, full.psnrMasked, refined->time, full.time, {}};
+    return Tuned{refined->variant, variantText(refined->variant), refined->psnrMasked, full.psnrMasked, refined->time, full.time, {}};
 }
 
 Result<Tuned> tuneBytes(const Search& search, const OlatSplit* seen, size_t givenBytes)
@@ -81,35 +82,51 @@ Result<Tuned> tuneBytes(const Search& search, const OlatSplit* seen, size_t give
     if (!points) return points.error();
     const auto within = [&](const SizedVariant& p) { return goal.mostBytes > 0 ? p.bytes <= goal.mostBytes : p.psnrMasked >= goal.leastPsnr; };
     const auto better = [&](const SizedVariant& a, const SizedVariant& b) { return goal.mostBytes > 0 ? a.psnrMasked > b.psnrMasked : a.bytes < b.bytes; };
-    SizedVariant* best = nullptr;
-    const SizedVariant* nearest = &points->front();
+    const SizedVariant *best = nullptr, *nearest = &points->front();
     double full = 0;
-    for (SizedVariant& p : *points) {
+    for (const SizedVariant& p : *points) {
         if (std::isnan(p.rate)) full = p.psnrMasked;
         if (within(p) && (!best || better(p, *best))) best = &p;
         if (goal.mostBytes > 0 ? p.bytes < nearest->bytes : p.psnrMasked > nearest->psnrMasked) nearest = &p;
     }
     if (!best)
-        return goal.mostBytes > 0 ? unreachable("--max-bytes " + std::to_string(goal.mostBytes), "the smallest that was made (" + sizedText(*nearest) + ") has " + std::to_string(nearest->bytes) + " bytes")
-                                  : unreachable("--min-psnr " + text(goal.leastPsnr), "the best that was measured (" + sizedText(*nearest) + ") has " + text(nearest->psnrMasked) + " dB");
-    if (std::isnan(best->rate)) return Tuned{{}, best->psnrMasked, full, {}, {}, {}};
+        return goal.mostBytes > 0 ? unreachable("--max-bytes " + std::to_string(goal.mostBytes), "the smallest that was made (" + sizedText(*nearest) + ") has " + std::to_string(nearest->bytes) + " bytes", "ask for no less, or bake with fewer splats")
+                                  : unreachable("--min-psnr " + text(goal.leastPsnr), "the best that was measured (" + sizedText(*nearest) + ") has " + text(nearest->psnrMasked) + " dB", "ask for no more, or bake longer");
     // Between the rates that the front was measured at.
-    const Detail detail[] = {best->variant.detail};
-    const double finer = goal.mostBytes > 0 ? -1 : 1;
-    std::vector<double> rates;
-    for (int i = 1; i <= 7; ++i) rates.push_back(best->rate + finer * 0.3 * i);
-    Result<std::vector<PackedVersion>> versions = packVersions(search.asset, seen, detail, rates, search.says);
-    if (!versions) return versions.error();
-    SizedVariant chosen = std::move(*best);
-    for (PackedVersion& v : *versions) {
-        const Result<double> psnr = search.meter.psnrMasked(v.asset);
-        if (!psnr) return psnr.error();
-        SizedVariant p{{v.detail}, v.rate, v.file.size(), *psnr, false, {}};
-        if (!within(p) || !better(p, chosen)) continue;
-        p.file = std::move(v.file);
-        chosen = std::move(p);
+    std::vector<SizedVariant> candidates;
+    if (!std::isnan(best->rate)) {
+        const Detail detail[] = {best->variant.detail};
+        const double finer = goal.mostBytes > 0 ? -1 : 1;
+        std::vector<double> rates;
+        for (int i = 1; i <= 7; ++i) rates.push_back(best->rate + finer * 0.3 * i);
+        Result<std::vector<PackedVersion>> versions = packVersions(search.asset, seen, detail, rates, search.says);
+        if (!versions) return versions.error();
+        for (PackedVersion& v : *versions) {
+            const Result<double> psnr = search.meter.psnrMasked(v.asset);
+            if (!psnr) return psnr.error();
+            candidates.push_back({{v.detail}, v.rate, v.file.size(), *psnr, false, std::move(v.file)});
+            v.asset = {};
+        }
     }
-    return Tuned{chosen.variant, chosen.psnrMasked, full, {}, {}, std::move(chosen.file)};
+    std::move(points->begin(), points->end(), std::back_inserter(candidates));
+    // Readers draw maps anew from what is left, so the files have the last word.
+    std::erase_if(candidates, [&](const SizedVariant& p) { return !within(p); });
+    std::sort(candidates.begin(), candidates.end(), better);
+    constexpr size_t kMostTries = 8;
+    double reached = 0;
+    for (size_t i = 0; i < candidates.size(); ++i) {
+        SizedVariant& p = candidates[i];
+        const bool given = std::isnan(p.rate);
+        if (i >= kMostTries && !given) continue;
+        if (!given) {
+            if (!search.says("loading the file of " + std::to_string(p.bytes) + " bytes")) return Error{ErrorCode::kCancelled, "stopped"};
+            const Result<double> psnr = search.meter.psnrMaskedOfFile(p.file);
+            if (!psnr) return psnr.error();
+            p.psnrMasked = *psnr, reached = std::max(reached, *psnr);
+        }
+        if (within(p)) return Tuned{p.variant, sizedText(p), p.psnrMasked, full, {}, {}, std::move(p.file)};
+    }
+    return unreachable("--min-psnr " + text(goal.leastPsnr), "the best file that was made has " + text(reached) + " dB", "ask for no more, or give the asset itself, of profile lossless");
 }
 
 } // namespace

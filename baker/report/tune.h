@@ -19,6 +19,7 @@ struct TuneGoal {
 
 struct Tuned {
     Variant variant;
+    std::string settings;                      // what was left out or rounded
     double psnrMasked = 0, fullPsnrMasked = 0; // on the meter's images
     VariantTime time, fullTime;                // zeros for goals of bytes
     std::vector<std::byte> file;               // of goals of bytes: the file itself; else empty

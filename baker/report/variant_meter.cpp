@@ -127,6 +127,7 @@ Result<double> VariantMeter::psnr(SplatRenderer& renderer, float scale, std::spa
 {
     double sum = 0;
     for (const View& view : views) {
+        if (stopped()) return Error{ErrorCode::kCancelled, "stopped"};
         const Result<Image> image = renderer.render(scaledCamera(view.camera, scale), view.lights);
         if (!image) return image.error();
         sum += psnrMaskedOf(enlarge(*image, view.camera.width, view.camera.height), *view.reference);
@@ -145,9 +146,28 @@ Result<double> VariantMeter::psnrMasked(const SplatAsset& asset)
 {
     const Result<std::vector<std::byte>> bytes = encodeAsset(asset);
     if (!bytes) return bytes.error();
-    const Result<std::unique_ptr<SplatRenderer>> r = makeGlRenderer(*bytes);
+    return psnrMaskedOfFile(*bytes);
+}
+
+Result<double> VariantMeter::psnrMaskedOfFile(std::span<const std::byte> file)
+{
+    const Result<std::unique_ptr<SplatRenderer>> r = makeGlRenderer(file);
     if (!r) return r.error();
     return psnr(**r, 1);
+}
+
+Result<VariantTime> VariantMeter::timeOfFile(std::span<const std::byte> file, float resolutionScale, int rounds, int frames)
+{
+    const Result<std::unique_ptr<SplatRenderer>> r = makeGlRenderer(file);
+    if (!r) return r.error();
+    std::vector<RenderTimes> times;
+    for (int round = 0; round < rounds; ++round) {
+        if (stopped()) return Error{ErrorCode::kCancelled, "stopped"};
+        const Result<RenderTimes> t = (*r)->time(scaledCamera(camera(), resolutionScale), lights(), 1, frames);
+        if (!t) return t.error();
+        times.push_back(*t);
+    }
+    return summarise(std::move(times), 0);
 }
 
 static Result<VariantMeter::Compared> compareTimes(SplatRenderer& a, const std::vector<Light>& lightsA, SplatRenderer& b, const std::vector<Light>& lightsB, const Camera& camera, int rounds, int frames)
@@ -216,6 +236,7 @@ Result<std::vector<VariantTime>> VariantMeter::time(std::span<const Variant> var
     }
     for (int round = 0; round < rounds; ++round)
         for (size_t v = 0; v < variants.size(); ++v) {
+            if (stopped()) return Error{ErrorCode::kCancelled, "stopped"};
             const Result<SplatRenderer*> r = renderer(variants[v].detail);
             if (!r) return r.error();
             const Result<RenderTimes> t = (*r)->time(scaledCamera(camera(), variants[v].resolutionScale), lights(), 1, frames);
@@ -234,6 +255,7 @@ Result<std::vector<VariantTime>> VariantMeter::time(const Detail& detail, std::s
     std::vector<std::vector<RenderTimes>> times(cameras.size());
     for (int round = 0; round < rounds; ++round)
         for (size_t k = 0; k < cameras.size(); ++k) {
+            if (stopped()) return Error{ErrorCode::kCancelled, "stopped"};
             const Result<RenderTimes> t = (*r)->time(cameras[k], lights[k], 1, frames);
             if (!t) return t.error();
             times[k].push_back(*t);

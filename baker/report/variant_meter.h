@@ -6,6 +6,7 @@
 #include "eval/splat_renderer.h"
 #include "splats/splat_asset.h"
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <span>
@@ -33,10 +34,17 @@ public:
     /// Errors: of images that cannot be read.
     static Result<VariantMeter> create(const SplatAsset& asset, const OlatSplit& split, ImageCache& references, size_t count);
 
+    /// Asked between frames; true ends what is being measured with kCancelled.
+    std::function<bool()> stopped = [] { return false; };
+
     /// Mean over the images of the PSNR of the object's pixels [dB].
     Result<double> psnrMasked(const Variant& variant);
     /// The same of another asset: one that packing has rounded.
     Result<double> psnrMasked(const SplatAsset& asset);
+    /// The same of a file, as a host loads it.
+    Result<double> psnrMaskedOfFile(std::span<const std::byte> file);
+    /// Frames of a file.
+    Result<VariantTime> timeOfFile(std::span<const std::byte> file, float resolutionScale, int rounds, int frames);
     /// In rounds: each variant in turn, `frames` frames after one that does not count, so that what slows the machine down slows all alike.
     Result<std::vector<VariantTime>> time(std::span<const Variant> variants, int rounds, int frames);
     /// Frames from the camera of the first image, scaled, under any lights.

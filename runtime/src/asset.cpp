@@ -71,8 +71,9 @@ Failure decode(Context& context, std::span<const std::byte> bytes, const DetailC
     asset->bakedSplats = uint32_t(std::min<size_t>(decoded->cloud.count, ~0u));
     if (Failure f = choosePreset(*decoded, choice, &asset->preset)) return f;
     expandChannels(*decoded);
-    if (const Status s = reduceDetail(*decoded, asset->preset.detail); !s) return invalid(s.error().message);
+    if (asset->preset.detail.leaveOut & kPartVisibility) decoded->drawnVisibility = 0; // not drawn in vain
     drawVisibility(*decoded); // here, since decoding may run on any thread: no upload and no frame waits for it
+    if (const Status s = reduceDetail(*decoded, asset->preset.detail); !s) return invalid(s.error().message); // the maps of all, which the rest keeps
     asset->source = std::make_unique<SplatAsset>(std::move(*decoded));
     const SplatAsset& source = *asset->source;
     asset->model = makeAssetModel(source.model, *asset);

@@ -374,7 +374,7 @@ expect 1 "c.png" bash -c 'ulimit -f 1; exec "$@"' _ "$nacre" render $asset -o c.
 [ -z "$(ls -A | grep '^c\.png')" ] || fail "a failed render left $(ls -A | grep '^c\.png')"
 
 expect 0 "" "$nacre" info $asset --json info.json
-keys info.json 2 model splats asset_bytes bytes_per_splat profile channels dataset_frame
+keys info.json 2 model splats asset_bytes bytes_per_splat profile channels importance_order presets dataset_frame
 expect 0 "" "$nacre" info --models
 for bytes in 0 4 12 20 1000; do
     head -c $bytes $asset >cut.glb
@@ -458,7 +458,8 @@ expect 2 "excludes" "$nacre" render sss.glb -o c.png "${view[@]}" --channel dept
 
 echo "-- report and tune"
 expect 0 "" "$nacre" report $asset "$sample" -o r.html --json report.json --csv tables --bake bake.json --no-selftest --minutes 1.5
-keys report.json 2 splits front_time front_bytes levels ledger scalings memory notes command machine renderer
+keys report.json 2 asset dataset model baked_with splats width height splits full_frame front_time front_bytes levels ledger never_pays history scalings images stability memory \
+    notes command machine renderer version date seconds
 grep -q '<html' r.html && ! grep -q '<script' r.html && ! grep -Eq '(src|href)="?https?:' r.html || fail "the report is no page, has a script, or loads something"
 [ "$(wc -l <tables/front_time.csv)" -gt 2 ] && [ "$(wc -l <tables/front_bytes.csv)" -gt 8 ] || fail "the tables of the report are short: $(wc -l tables/*)"
 cp -r "$sample" untested && rm untested/transforms_test.json
@@ -480,6 +481,11 @@ expect 2 "one of --max-ms" "$nacre" tune $asset "$sample" -o none.glb
 expect 2 "one of --max-ms" "$nacre" tune $asset "$sample" -o none.glb --max-ms 3 --min-psnr 20
 expect 2 "cannot be kept" "$nacre" tune $asset "$sample" -o none.glb --max-bytes 10
 expect 2 "cannot be kept" "$nacre" tune $asset "$sample" -o none.glb --min-psnr 99
+expect 2 "is an input" "$nacre" tune $asset "$sample" -o $asset --max-bytes 12000
+expect 2 "is an input" "$nacre" report $asset "$sample" -o none.html --json $asset
+expect 2 "must end in .html" "$nacre" report $asset "$sample" -o none.txt
+expect 2 "presets all" "$nacre" eval preset.glb "$sample" --preset none
+expect 0 "" "$nacre" eval preset.glb "$sample" --preset all --frames 0
 expect 2 "device profile" "$nacre" tune $asset "$sample" -o none.glb --max-ms 3 --device-profile tune.json
 [ ! -e none.glb ] || fail "a choice that was refused was written"
 
