@@ -36,8 +36,7 @@ static Status runSelftest(SelftestArguments& args)
 {
     const std::atomic<bool>& stop = catchStopSignals();
     const auto threads = limitThreads(args.threads.count);
-    for (const std::string& path : {args.json, args.markdown})
-        if (Status s = checkWritable(path); !s) return s;
+    if (Status s = checkOutputs({args.json, args.markdown}, {}); !s) return s;
     Progress progress;
     args.options.gl = !args.noGl;
     args.options.progress = [&](const std::string& next) {
