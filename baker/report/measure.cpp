@@ -149,25 +149,25 @@ void addLedger(Measurement& m, const TimeFront& front)
 /// Choices that are the host's, each beside the usual one.
 Status addHostChoices(Measurement& m, VariantMeter& meter)
 {
-    constexpr int kRounds = 5, kFrames = 3;
+    constexpr double kSeconds = 4;
     const auto add = [&](const std::string& part, bool leftOut, const VariantMeter::Compared& c, const std::string& note) {
         m.data.ledger.push_back({part, leftOut, kNan, c.time.ms - c.otherTime.ms, c.psnrMasked - c.otherPsnrMasked, note});
     };
     if (Status s = m.say("half-float target, back ends"); !s) return s;
-    const auto half = meter.compareHost({GlHost::BackEnd::kAuto, true}, kRounds, kFrames);
+    const auto half = meter.compareHost({GlHost::BackEnd::kAuto, true}, kSeconds);
     if (!half) return half.error();
     add("a half-float target instead of a float one", false, *half, "the host's framebuffer; both drawn in turns");
     for (const auto& [name, backEnd] : {std::pair("shaders of OpenGL 3.3 only", GlHost::BackEnd::kGl33), std::pair("compute shaders (OpenGL 4.3)", GlHost::BackEnd::kGl43)}) {
-        const auto other = meter.compareHost({backEnd, false}, kRounds, kFrames);
+        const auto other = meter.compareHost({backEnd, false}, kSeconds);
         if (!other && other.error().code == ErrorCode::kUnsupported) m.data.notes.push_back(std::string(name) + ": " + other.error().message);
         else if (!other) return other.error();
         else add(std::string("back end: ") + name, false, *other, "instead of the one that NACRE_BACK_END_AUTO takes here");
     }
     for (const OlatSplit& split : m.dataset.splits)
         for (const int fewer : {64, 16}) {
-            constexpr size_t kImages = 3;
+            constexpr size_t kImages = 2;
             if (Status s = m.say("directions of environments"); !s) return s;
-            const auto directions = meter.compareDirections(split, m.references, kImages, fewer, kEnvironmentDirections, 3, 2);
+            const auto directions = meter.compareDirections(split, m.references, kImages, fewer, kEnvironmentDirections, kSeconds);
             if (!directions) break; // of most splits: no environment
             add(std::to_string(fewer) + " directions for an environment instead of " + std::to_string(kEnvironmentDirections), false, *directions, "images of split " + split.name);
         }

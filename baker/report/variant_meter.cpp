@@ -8,6 +8,7 @@
 #include "eval/metrics.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 namespace nacre::report {
@@ -170,11 +171,13 @@ Result<VariantTime> VariantMeter::timeOfFile(std::span<const std::byte> file, fl
     return summarise(std::move(times), 0);
 }
 
-static Result<VariantMeter::Compared> compareTimes(SplatRenderer& a, const std::vector<Light>& lightsA, SplatRenderer& b, const std::vector<Light>& lightsB, const Camera& camera, int rounds, int frames)
+static Result<VariantMeter::Compared> compareTimes(SplatRenderer& a, const std::vector<Light>& lightsA, SplatRenderer& b, const std::vector<Light>& lightsB, const Camera& camera, double seconds)
 {
+    constexpr int kMostRounds = 15;
+    const auto start = std::chrono::steady_clock::now();
     std::vector<RenderTimes> timesA, timesB;
-    for (int round = 0; round < rounds; ++round) {
-        const Result<RenderTimes> ta = a.time(camera, lightsA, 1, frames), tb = b.time(camera, lightsB, 1, frames);
+    for (int round = 0; round < kMostRounds && (round == 0 || std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() < seconds); ++round) {
+        const Result<RenderTimes> ta = a.time(camera, lightsA, 0, 1), tb = b.time(camera, lightsB, 0, 1);
         if (!ta) return ta.error();
         if (!tb) return tb.error();
         timesA.push_back(*ta), timesB.push_back(*tb);
@@ -182,22 +185,23 @@ static Result<VariantMeter::Compared> compareTimes(SplatRenderer& a, const std::
     return VariantMeter::Compared{0, 0, summarise(std::move(timesA), 0), summarise(std::move(timesB), 0)};
 }
 
-Result<VariantMeter::Compared> VariantMeter::compareHost(const GlHost& other, int rounds, int frames)
+Result<VariantMeter::Compared> VariantMeter::compareHost(const GlHost& other, double seconds)
 {
     const Result<SplatRenderer*> usual = renderer({});
     if (!usual) return usual.error();
     const Result<std::unique_ptr<SplatRenderer>> changed = makeGlRenderer(bytes_, {}, other);
     if (!changed) return changed.error();
-    Result<Compared> compared = compareTimes(**usual, lights(), **changed, lights(), camera(), rounds, frames);
+    Result<Compared> compared = compareTimes(**usual, lights(), **changed, lights(), camera(), seconds);
     if (!compared) return compared;
-    const Result<double> a = psnr(**usual, 1), b = psnr(**changed, 1);
+    const std::span<const View> one(views_.data(), 1); // pixels hardly differ
+    const Result<double> a = psnr(**usual, 1, one), b = psnr(**changed, 1, one);
     if (!a) return a.error();
     if (!b) return b.error();
     compared->psnrMasked = *a, compared->otherPsnrMasked = *b;
     return compared;
 }
 
-Result<VariantMeter::Compared> VariantMeter::compareDirections(const OlatSplit& split, ImageCache& references, size_t images, int fewer, int most, int rounds, int frames)
+Result<VariantMeter::Compared> VariantMeter::compareDirections(const OlatSplit& split, ImageCache& references, size_t images, int fewer, int most, double seconds)
 {
     std::vector<View> many, few;
     for (size_t i = 0; i < split.images.size() && many.size() < images; ++i) {
@@ -214,7 +218,7 @@ Result<VariantMeter::Compared> VariantMeter::compareDirections(const OlatSplit& 
     if (many.empty()) return Error{ErrorCode::kBadInput, "split '" + split.name + "' has no image under an environment"};
     const Result<SplatRenderer*> r = renderer({});
     if (!r) return r.error();
-    Result<Compared> compared = compareTimes(**r, many[0].lights, **r, few[0].lights, many[0].camera, rounds, frames);
+    Result<Compared> compared = compareTimes(**r, many[0].lights, **r, few[0].lights, many[0].camera, seconds);
     if (!compared) return compared;
     const Result<double> a = psnr(**r, 1, many), b = psnr(**r, 1, few);
     if (!a) return a.error();

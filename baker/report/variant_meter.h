@@ -50,14 +50,15 @@ public:
     /// Frames from the camera of the first image, scaled, under any lights.
     Result<std::vector<VariantTime>> time(const Detail& detail, std::span<const Camera> cameras, std::span<const std::vector<Light>> lights, int rounds, int frames);
 
-    /// The whole asset in another back end or target, beside the usual ones: error and time of both, interleaved.
+    /// The whole asset in another back end or target, beside the usual ones: error of the first image and time of both, in turns for about so
+    /// many seconds, at least once.
     struct Compared {
         double psnrMasked, otherPsnrMasked;
         VariantTime time, otherTime;
     };
-    Result<Compared> compareHost(const GlHost& other, int rounds, int frames);
+    Result<Compared> compareHost(const GlHost& other, double seconds);
     /// The same of an environment by so many directions instead of `most`, over images of a split that have one.
-    Result<Compared> compareDirections(const OlatSplit& split, ImageCache& references, size_t images, int fewer, int most, int rounds, int frames);
+    Result<Compared> compareDirections(const OlatSplit& split, ImageCache& references, size_t images, int fewer, int most, double seconds);
 
     const Camera& camera() const { return views_[0].camera; }
     const std::vector<Light>& lights() const { return views_[0].lights; }
