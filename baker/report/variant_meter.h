@@ -23,7 +23,8 @@ struct Variant {
 };
 std::string variantText(const Variant& variant);
 
-/// Milliseconds of a frame with everything evaluated again, enlarging included: median over the rounds, and the range of nine rounds in ten.
+/// Milliseconds of a frame with everything evaluated again, enlarging included: median over the rounds, and the range of nine
+/// rounds in ten, a twentieth wider for what differs between runs.
 struct VariantTime {
     double ms = 0, low = 0, high = 0, relightMs = 0, sortMs = 0, rasterMs = 0;
 };
@@ -89,7 +90,7 @@ private:
 /// The same view with so many times the pixels along each side, at least one.
 Camera scaledCamera(const Camera& camera, double scale);
 
-/// Median, and the quantiles at 5 and 95 %.
+/// Median, and the quantiles at 5 and 95 %, a twentieth wider.
 VariantTime summarise(std::vector<RenderTimes> rounds, double moreMs);
 
 } // namespace nacre::report

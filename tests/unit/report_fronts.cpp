@@ -35,18 +35,18 @@ TEST_CASE("a point is dominated if another is as good in both and better in one;
     CHECK(dominated({}, {}).empty());
 }
 
-TEST_CASE("a time is the median of its rounds, within the range of nine in ten")
+TEST_CASE("a time is the median of its rounds, within the range of nine in ten and what drifts between runs")
 {
     std::vector<RenderTimes> rounds;
     for (int i = 0; i <= 20; ++i) rounds.push_back({1, 2, 3, double((8 * i) % 21)}); // 0 to 20 in another order
     const VariantTime t = summarise(rounds, 0.5);
     CHECK(t.ms == doctest::Approx(10.5));
-    CHECK(t.low == doctest::Approx(1.5));
-    CHECK(t.high == doctest::Approx(19.5));
+    CHECK(t.low == doctest::Approx(0.95 + 0.5));
+    CHECK(t.high == doctest::Approx(1.05 * 19 + 0.5));
     const VariantTime one = summarise({{1, 2, 3, 6}}, 0);
     CHECK(one.ms == 6);
-    CHECK(one.low == 6);
-    CHECK(one.high == 6);
+    CHECK(one.low < 6);
+    CHECK(one.high > 6);
 }
 
 TEST_CASE("a scaled camera sees the same through other pixels")
