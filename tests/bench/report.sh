@@ -49,7 +49,7 @@ for pair in "$@"; do
         "$build/tests/drop_splats" "$asset" "$out/$name.random.glb" "$share"
         evaluated "$out/$name.random.glb" "$data"
         randomMs=$(figure ms_per_frame "$out/eval.json") random=$(figure psnr_masked "$out/eval.json") used=$share
-        share=$(awk -v s="$share" -v have="$randomMs" -v want="$ms" 'BEGIN { s = s * want / have; print s > 1 ? 1 : s }')
+        share=$(awk -v s="$share" -v have="$randomMs" -v want="$ms" 'BEGIN { s = s * want / have; print (s > 1 ? 1 : s) }')
     done
     awk -v n="$name" -v b="$bound" -v m="$ms" -v w="$whole" -v t="$tuned" -v s="$used" -v rm="$randomMs" -v r="$random" \
         'BEGIN { printf "| %s | %.2f | %.2f | %.2f, %.2f | %.2f, %.2f | %.2f, %.2f | %.2f |\n", n, b, m, t, w - t, s, rm, r, w - r, t - r }'
