@@ -17,7 +17,7 @@ namespace nacre::cli {
 
 struct ReportArguments {
     std::string asset, dataset, output, json, csv, bake;
-    double minutes = 4.5;
+    double minutes = 4;
     bool noSelftest = false, profileOnly = false;
     ThreadsOption threads;
 };
