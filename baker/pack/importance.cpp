@@ -19,9 +19,7 @@ Status addImportance(SplatAsset& asset, std::span<const PackView> views)
     Channel importance{"importance", 1};
     for (const float x : splatImportance(asset, views)) importance.values.push_back(std::log2(std::max(x, kLeast)));
     constexpr size_t kViews = 6;
-    std::vector<PackView> few;
-    for (size_t i = 0; i < std::min(kViews, views.size()); ++i) few.push_back(views[i * views.size() / std::min(kViews, views.size())]);
-    const Result<PackReference> reference = PackReference::render(asset, few);
+    const Result<PackReference> reference = PackReference::render(asset, someOf(views, kViews));
     if (!reference) return reference.error();
     replaceChannel(asset, std::move(importance));
     replaceChannel(asset, {"growth", 1, {0.21f}, {}, true});
@@ -44,13 +42,9 @@ Status ensureImportance(SplatAsset& asset, const OlatSplit* seen)
 {
     if (asset.find("importance")) return ok();
     constexpr size_t kViews = 48;
-    std::vector<PackView> views = seen ? viewsOf(*seen, asset.frame, kViews) : std::vector<PackView>();
-    if (views.empty()) {
-        Result<std::vector<PackView>> around = viewsAround(asset, kViews);
-        if (!around) return around.error();
-        views = std::move(*around);
-    }
-    return addImportance(asset, views);
+    const Result<std::vector<PackView>> views = viewsFor(asset, seen, kViews);
+    if (!views) return views.error();
+    return addImportance(asset, *views);
 }
 
 } // namespace nacre

@@ -248,17 +248,11 @@ Result<PackResult> packCompact(const SplatAsset& asset, const PackOptions& optio
     };
     if (Status s = validate(asset); !s) return s.error();
     say("rendering the input");
-    std::vector<PackView> many = options.seen ? viewsOf(*options.seen, asset.frame, kImportanceViews) : std::vector<PackView>();
-    if (many.empty()) {
-        Result<std::vector<PackView>> around = viewsAround(asset, kImportanceViews);
-        if (!around) return around.error();
-        many = std::move(*around);
-    }
-    std::vector<PackView> views;
-    for (size_t i = 0; i < std::min(kViews, many.size()); ++i) views.push_back(many[i * many.size() / std::min(kViews, many.size())]);
-    const Result<PackReference> reference = PackReference::render(asset, views);
+    const Result<std::vector<PackView>> many = viewsFor(asset, options.seen, kImportanceViews);
+    if (!many) return many.error();
+    const Result<PackReference> reference = PackReference::render(asset, someOf(*many, kViews));
     if (!reference) return reference.error();
-    const std::vector<float> importance = splatImportance(asset, many);
+    const std::vector<float> importance = splatImportance(asset, *many);
 
     const Bound bound = options.bytesPerSplat > 0 ? Bound{0, options.bytesPerSplat} : Bound{errorOf(options.maxLossDecibel), 0};
     // As a reader gets it, with the maps that it draws from rounded splats; the search goes by those at hand, and once more where that was too good.
@@ -285,7 +279,7 @@ Result<PackResult> packCompact(const SplatAsset& asset, const PackOptions& optio
     SplatAsset input = asset;
     if (!input.find("importance")) {
         say("ordering splats by importance");
-        if (Status s = addImportance(input, many); !s) return s.error();
+        if (Status s = addImportance(input, *many); !s) return s.error();
     }
     std::optional<Packer> packer;
     Result<Packer::Trial> best = packed(input, packer);
@@ -339,22 +333,18 @@ Result<std::vector<PackedVersion>> packVersions(const SplatAsset& asset, const O
     constexpr int kDrawn = 32;
     if (Status s = validate(asset); !s) return s.error();
     if (!progress("measuring what rounding shows")) return Error{ErrorCode::kCancelled, "stopped"};
-    std::vector<PackView> views = seen ? viewsOf(*seen, asset.frame, kViews) : std::vector<PackView>();
-    if (views.empty()) {
-        Result<std::vector<PackView>> around = viewsAround(asset, kViews);
-        if (!around) return around.error();
-        views = std::move(*around);
-    }
-    const Result<PackReference> reference = PackReference::render(asset, views);
+    const Result<std::vector<PackView>> views = viewsFor(asset, seen, kViews);
+    if (!views) return views.error();
+    const Result<PackReference> reference = PackReference::render(asset, *views);
     if (!reference) return reference.error();
-    Packer whole(prepareForQuantising(asset, splatImportance(asset, views), kDrawn), *reference);
+    Packer whole(prepareForQuantising(asset, splatImportance(asset, *views), kDrawn), *reference);
     if (Status s = whole.calibrate(); !s) return s.error();
     std::vector<PackedVersion> versions;
     for (const Detail& detail : details) {
         SplatAsset reduced = asset;
         if (Status s = reduceDetail(reduced, detail); !s) return s.error();
         if (detail != Detail{}) reduced.presets.clear(); // measured of the whole
-        Packer packer(prepareForQuantising(reduced, splatImportance(reduced, views), detail.visibilitySize == 16 ? 16 : kDrawn), *reference);
+        Packer packer(prepareForQuantising(reduced, splatImportance(reduced, *views), detail.visibilitySize == 16 ? 16 : kDrawn), *reference);
         packer.calibrateLike(whole);
         for (const double rate : rates) {
             if (!progress("packing " + std::to_string(versions.size() + 1) + " of " + std::to_string(details.size() * rates.size()))) return Error{ErrorCode::kCancelled, "stopped"};

@@ -114,6 +114,20 @@ std::vector<PackView> viewsOf(const OlatSplit& split, const AssetFrame& frame, s
     return views;
 }
 
+Result<std::vector<PackView>> viewsFor(const SplatAsset& asset, const OlatSplit* seen, size_t count)
+{
+    std::vector<PackView> views = seen ? viewsOf(*seen, asset.frame, count) : std::vector<PackView>();
+    return views.empty() ? viewsAround(asset, count) : views;
+}
+
+std::vector<PackView> someOf(std::span<const PackView> views, size_t count)
+{
+    std::vector<PackView> some;
+    const size_t n = std::min(count, views.size());
+    for (size_t i = 0; i < n; ++i) some.push_back(views[i * views.size() / n]);
+    return some;
+}
+
 std::vector<float> splatImportance(const SplatAsset& asset, std::span<const PackView> views)
 {
     const std::vector<GaussianGeometry<float>> geometry = geometryOf(asset.cloud);

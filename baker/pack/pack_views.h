@@ -25,6 +25,12 @@ Result<std::vector<PackView>> viewsAround(const SplatAsset& asset, size_t count)
 /// Evenly picked from a split (of the dataset the asset was baked from).
 std::vector<PackView> viewsOf(const OlatSplit& split, const AssetFrame& frame, size_t count);
 
+/// Of a split if one is given and has any, else all around.
+Result<std::vector<PackView>> viewsFor(const SplatAsset& asset, const OlatSplit* seen, size_t count);
+
+/// At most so many of them, evenly picked.
+std::vector<PackView> someOf(std::span<const PackView> views, size_t count);
+
 /// Mean over the views of the sum of squared blending weights of each splat: the squared error of images, in linear radiance, that a unit of
 /// noise in the splat's colour makes. 0 for what is never seen.
 std::vector<float> splatImportance(const SplatAsset& asset, std::span<const PackView> views);

@@ -61,12 +61,18 @@ std::vector<Variant> gridOf(bool hasOrder, bool scales, const Detail& cheap)
     return grid;
 }
 
+/// As good in both, better in one.
+bool beats(double cost, double quality, double otherCost, double otherQuality)
+{
+    return cost <= otherCost && quality >= otherQuality && (cost < otherCost || quality > otherQuality);
+}
+
 void markDominated(std::vector<TimedVariant>& points)
 {
     for (size_t i = 0; i < points.size(); ++i)
         points[i].dominated = std::any_of(points.begin(), points.end(), [&](const TimedVariant& q) {
             const TimedVariant& p = points[i];
-            return q.variant.resolutionScale >= p.variant.resolutionScale && q.time.ms <= p.time.ms && q.psnrMasked >= p.psnrMasked && (q.time.ms < p.time.ms || q.psnrMasked > p.psnrMasked);
+            return q.variant.resolutionScale >= p.variant.resolutionScale && beats(q.time.ms, q.psnrMasked, p.time.ms, p.psnrMasked);
         });
 }
 
@@ -110,7 +116,7 @@ std::vector<bool> dominated(std::span<const double> costs, std::span<const doubl
     std::vector<bool> out(costs.size());
     for (size_t i = 0; i < costs.size(); ++i)
         for (size_t k = 0; k < costs.size(); ++k)
-            if (costs[k] <= costs[i] && qualities[k] >= qualities[i] && (costs[k] < costs[i] || qualities[k] > qualities[i])) out[i] = true;
+            if (beats(costs[k], qualities[k], costs[i], qualities[i])) out[i] = true;
     return out;
 }
 
