@@ -26,16 +26,16 @@ Error stopped() { return Error{ErrorCode::kCancelled, "stopped"}; }
 std::vector<TimedVariant> knobsOf(const SplatAsset& asset)
 {
     std::vector<TimedVariant> knobs;
-    const auto add = [&](const char* name, Detail detail) { knobs.push_back({{detail}, name, 0, {}, false}); };
-    const auto part = [&](const char* channel, const char* name, uint32_t bit) {
-        if (asset.find(channel)) add(name, {1, bit});
+    const auto add = [&](Detail detail) { knobs.push_back({{detail}, 0, {}, false}); };
+    const auto part = [&](const char* channel, uint32_t bit) {
+        if (asset.find(channel)) add({1, bit});
     };
-    part("visibility", "visibility", kPartVisibility);
-    part("lobe", "lobe", kPartLobe), part("forward", "forward", kPartForward), part("s", "scatter", kPartScatter);
-    part("tInd", "indirect", kPartIndirect), part("network", "network", kPartNetwork);
+    part("visibility", kPartVisibility);
+    part("lobe", kPartLobe), part("forward", kPartForward), part("s", kPartScatter);
+    part("tInd", kPartIndirect), part("network", kPartNetwork);
     if (asset.find("tDir"))
-        for (const uint32_t functions : {16u, 9u, 4u}) add("transport functions", {1, 0, functions});
-    if (const Channel* maps = asset.find("visibility"); maps && maps->components == 1024) add("size of visibility maps", {1, 0, 0, 16});
+        for (const uint32_t functions : {16u, 9u, 4u}) add({1, 0, functions});
+    if (const Channel* maps = asset.find("visibility"); maps && maps->components == 1024) add({1, 0, 0, 16});
     return knobs;
 }
 
@@ -136,7 +136,7 @@ Result<TimeFront> measureTimeFront(VariantMeter& meter, const SplatAsset& asset,
     }
     if (asset.find("importance"))
         for (const float share : {0.71f, 0.5f, 0.25f, 0.125f}) {
-            front.shares.push_back({{{share}}, "", 0, {}, false});
+            front.shares.push_back({{{share}}, 0, {}, false});
             if (Status s = look(meter, front.shares.back()); !s) return s.error();
         }
     std::vector<TimedVariant> points = front.knobs;
@@ -148,7 +148,7 @@ Result<TimeFront> measureTimeFront(VariantMeter& meter, const SplatAsset& asset,
             break;
         }
         if (grid[i] == Variant{}) continue;
-        points.push_back({grid[i], "", 0, {}, false});
+        points.push_back({grid[i], 0, {}, false});
         if (Status s = look(meter, points.back()); !s) return s.error();
     }
     constexpr size_t kMostPoints = 11; // at all pixels, and at fewer

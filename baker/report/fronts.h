@@ -12,7 +12,6 @@ namespace nacre::report {
 
 struct TimedVariant {
     Variant variant;
-    std::string knob;        // the one thing that differs from everything; empty: several, or none
     double psnrMasked = 0;
     VariantTime time;
     bool dominated = false;  // another is at least as good in both and better in one, and at as many pixels: fewer are the host's work

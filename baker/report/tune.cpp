@@ -31,7 +31,7 @@ struct Search {
         constexpr int kRounds = 8, kFrames = 5;
         const Result<std::vector<VariantTime>> time = meter.time(std::span(&variant, 1), kRounds, kFrames);
         if (!time) return time.error();
-        return TimedVariant{variant, "", *psnr, there((*time)[0]), false};
+        return TimedVariant{variant, *psnr, there((*time)[0]), false};
     }
 };
 
